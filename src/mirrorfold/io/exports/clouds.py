@@ -18,14 +18,14 @@ COLOURS = np.array([[0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233
 
 
 def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
-    """The points of a reconstruction, folded, as a file that other programs read.
+    """The folded points of a reconstruction as the content of a file for other programs.
 
     Every point has its position x, y, z [m] (z is zero in a floor plan), `amplitude`, `confidence`, `bounces`,
-    `mirror` (1 on the face of a mirror, 0 on an object), `interpolated` (1 in a gap between echoes), `chain`, of a
-    recording `frame`, and in PLY files a colour by its number of bounces. `chain` is the number of the mirror, in the
-    table of mirrors, through which the point was seen last, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name
-    the whole chains. Where walls let waves through there are `passed`, the probability of that, NaN where it was not
-    asked, and `wall`, the number of the wall, -1 where the point did not pass one.
+    `mirror` (1 on the face of a mirror, 0 on an object), `interpolated` (1 in a gap between echoes), `chain`, in a
+    recording `frame`, and in PLY files a colour by its number of bounces. `chain` is the number, in the table of
+    mirrors, of the last mirror of the point's chain, -1 in line of sight; comments (PLY, PCD, XYZ, VTP) name the whole
+    chains. With half-transparent walls there are `passed`, the probability that the point was seen through a wall, NaN
+    where this was not tested, and `wall`, the number of the wall, -1 where the point was not seen through one.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
 
 
 def _table(columns: Columns) -> bytes:
-    """The bytes of all points, without gaps."""
+    """The bytes of all points, one after the other, without gaps."""
     size = len(columns["x"])
     table = np.empty(size, dtype=[(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
@@ -70,6 +70,7 @@ def _table(columns: Columns) -> bytes:
 
 
 def _ply(columns: Columns, chains: list[str]) -> bytes:
+    """A PLY file of points."""
     colour = COLOURS[np.minimum(columns["bounces"], len(COLOURS) - 1)].astype("u1")
     columns = columns | {name: colour[:, i] for i, name in enumerate(("red", "green", "blue"))}
     kinds = {"f": "float", "i": "int", "u": "uchar"}
@@ -80,6 +81,7 @@ def _ply(columns: Columns, chains: list[str]) -> bytes:
 
 
 def _pcd(columns: Columns, chains: list[str]) -> bytes:
+    """A PCD file of points, where the amplitude is called intensity."""
     columns = {("intensity" if name == "amplitude" else name): column for name, column in columns.items()}
     size = len(columns["x"])
     lines = [
@@ -114,7 +116,7 @@ def _xyz(columns: Columns, chains: list[str]) -> bytes:
 
 
 def _text(columns: Columns, separator: str) -> str:
-    """A line of headings, then a line for each point."""
+    """The points as text: a line of headings, then a line for each point."""
     rows = zip(*(column.tolist() if column.dtype.kind != "f" else [f"{value:.7g}" for value in column]
                  for column in columns.values()), strict=True)  # fmt: skip
     lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
@@ -122,7 +124,7 @@ def _text(columns: Columns, separator: str) -> str:
 
 
 def notes(chains: list[str]) -> list[str]:
-    """What the numbers of chains stand for."""
+    """Comments in a file of points: the units, and what the numbers of chains mean."""
     ways = (f"chain {number} is by way of mirrors {name}" for number, name in enumerate(chains))
     return ["points folded by mirrorfold, metres, z up", *ways]
 
@@ -130,4 +132,4 @@ def notes(chains: list[str]) -> list[str]:
 WRITERS: dict[str, Callable[[Columns, list[str]], bytes]] = {
     ".ply": _ply, ".pcd": _pcd, ".vtp": _vtp, ".csv": _csv, ".xyz": _xyz
 }  # fmt: skip
-"""The formats, by suffix."""
+"""Function that makes a file of points, by suffix."""

@@ -1,4 +1,4 @@
-"""Results for other programs: point clouds, files of VTK, floor plans; the suffix says which."""
+"""Export of results for other programs as point clouds, files of VTK or floor plans, chosen by the suffix."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from mirrorfold.io.files import check_output, written_whole
 from mirrorfold.io.own.checks import check_image, check_reconstruction
 
 PICTURES = (".vti", ".vts")
+"""Suffixes of files that can hold images."""
 
 FORMATS = (*WRITERS, *PICTURES, *plans.SUFFIXES)
-"""All suffixes."""
+"""All suffixes of exported files."""
 
 
 def export(
@@ -34,31 +35,32 @@ def export(
     what: Literal["points", "mirrors"] = "points",
     min_confidence: float | None = None,
 ) -> Path:
-    """Write a reconstruction, or an image, for other programs.
+    """Write a reconstruction, or an image, to a file for other programs.
 
     Parameters
     ----------
     obj : xarray.DataTree or xarray.DataArray
         A reconstruction; an image for VTI, or the volume of a raster scan for VTS.
     path : path
-        Its suffix says the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
-        `mirrorfold.io.exports.clouds.cloud_file`. Mirrors: ``.vtp``, as walls where they stand (`image` 0) and as they
-        appear in the unfolded image (`image` 1). Mirrors and points as a floor plan: ``.dxf``, ``.geojson``, in layers.
-        Pictures: ``.vti``, of a reconstruction `corrected` and `initial`; ``.vts`` for a volume of beams. In metres.
+        Its suffix tells the format. Folded points: ``.ply``, ``.pcd``, ``.vtp``, ``.csv``, ``.xyz``, see
+        `mirrorfold.io.exports.clouds.cloud_file`. Mirrors: ``.vtp``, with walls at their true places (`image` 0) and
+        where they appear in the unfolded image (`image` 1). Mirrors and points as a floor plan in layers: ``.dxf``,
+        ``.geojson``. Pictures: ``.vti``, for a reconstruction `corrected` and `initial`; ``.vts`` for the volume of a
+        raster scan. All lengths are in metres.
     what : {"points", "mirrors"}
-        Of a VTP file.
+        What a VTP file holds.
     min_confidence : float, optional
         Least confidence of points that are written; by default as the reconstruction was folded.
 
     Returns
     -------
     Path
-        Where it was written.
+        The path of the file.
 
     Raises
     ------
     InputError
-        If the suffix is none of these, the object has nothing for it, or nothing can be written there.
+        If the suffix is none of these, the format cannot hold the object, or the file cannot be written.
     """
     path = check_export_path(path)
     suffix = path.suffix.lower()
@@ -91,12 +93,12 @@ def export(
 
 
 def check_export_path(path: str | Path, *, inputs: Iterable[str | Path] = ()) -> Path:
-    """The path, if a file for other programs can be written there.
+    """Check that a file for other programs can be written at a path, and return the path.
 
     Raises
     ------
     InputError
-        If its suffix names no format that is known, or as of `mirrorfold.io.files.check_output`.
+        If its suffix is none of `FORMATS`, or as `mirrorfold.io.files.check_output`.
     """
     path = check_output(path, inputs=inputs)
     if path.suffix.lower() not in FORMATS:
@@ -105,7 +107,10 @@ def check_export_path(path: str | Path, *, inputs: Iterable[str | Path] = ()) ->
 
 
 def mirrors_file(reconstruction: xr.DataTree) -> bytes:
-    """The mirrors of a reconstruction as a VTP file, lines or in space faces: the true ones, then their images."""
+    """The mirrors of a reconstruction as a VTP file: at their true places, then where they appear in the image.
+
+    They are lines, or faces in three dimensions.
+    """
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     size = mirrors.sizes.get("mirror", 0)
     outlines, columns = [], {"mirror": np.tile(np.arange(size), 2), "image": np.repeat([0, 1], size)}
@@ -126,6 +131,7 @@ def mirrors_file(reconstruction: xr.DataTree) -> bytes:
 
 
 def _image_file(image: xr.DataArray, path: Path) -> bytes:
+    """An image as a VTI file, or the volume of a raster scan as a VTS file."""
     image = pick_frame(image)
     raster = image.dims[-3:] == ("range", "azimuth", "elevation")
     if (path.suffix.lower() == ".vts") != raster or path.suffix.lower() not in PICTURES:

@@ -1,4 +1,4 @@
-"""Writing a sweep the way a lab leaves it: a folder of Touchstone files and a table of positions."""
+"""Writes a sweep as a network analyser would: a folder of Touchstone files and a table of positions."""
 
 from __future__ import annotations
 
@@ -23,32 +23,33 @@ from mirrorfold.sweep import (
 )
 
 POSITIONS, DESCRIPTION = "positions.csv", "scan.toml"
+"""Names of the table of positions, and of the description of a scan."""
 
 
 def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress | None = None) -> Path:
-    """Write a sweep as a lab would have measured it: a folder of Touchstone files and a table of positions.
+    """Write a sweep as a folder of Touchstone files and a table of positions, as a network analyser would measure it.
 
-    A sweep of pairs becomes two-port files with S21 (and S12, its equal; S11 and S22 are zero), any other sweep
-    one-port files with S11. The samples have nine digits, so that `import_data` brings back the same numbers.
+    A sweep of pairs becomes two-port files with S21 (S12 is the same; S11 and S22 are zero), any other sweep becomes
+    one-port files with S11. The samples have nine digits, so that `import_data` reads the same numbers.
 
     Parameters
     ----------
     sweep : xarray.Dataset
         Without further dimensions such as `frame`.
     folder : path
-        Made if need be.
+        Folder to write to; it is made if it does not exist.
     progress : callable (done, total), optional
 
     Returns
     -------
     Path
-        Of the table ``positions.csv``, or of ``scan.toml`` beside it where there is more to say than places; what
+        Path of the table ``positions.csv``, or of ``scan.toml`` beside it if more than places must be told; it is what
         `import_data` takes as `positions`.
 
     Raises
     ------
     InputError
-        If the sweep is not valid or has further dimensions, or nothing can be written there.
+        If the sweep is not valid or has further dimensions, or the folder cannot be written.
     """
     sweep = check_sweep(sweep)
     dims: tuple[str, ...] = RASTER_DIMENSIONS if is_raster(sweep) else PAIR_DIMENSIONS
@@ -88,7 +89,7 @@ def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress
 def _listing(
     sweep: xr.Dataset, dims: tuple[str, ...]
 ) -> tuple[tuple[str, ...], NDArray[np.float64], list[str], list[int]]:
-    """Headings and numbers of the table, names of the files, and which column of the samples each holds."""
+    """Headings and numbers of the table, names of the files, and the index of the channel that each holds."""
     first, second = (*(sweep.sizes[name] for name in dims[1:]), 1)[:2]
     i, k = (index.ravel() for index in np.indices((first, second)))
     width = len(str(max(first, second) - 1))
@@ -109,7 +110,7 @@ def _listing(
 
 
 def _description(sweep: xr.Dataset) -> str:
-    """What a table of positions cannot say, as TOML; empty where there is nothing."""
+    """A description in TOML of what a table of positions cannot hold; empty if there is nothing."""
     lines = []
     for name in ("title", "instrument"):
         if sweep.attrs.get(name):

@@ -1,6 +1,6 @@
 """Files of VTK, for ParaView and others: points and walls (VTP), pictures and voxels (VTI), volumes of beams (VTS).
 
-The XML formats need a header and base64, which is less than any library for them would take. Source: "VTK XML Formats",
+The XML formats need only a header and base64, so no library is used. Source: "VTK XML Formats",
 https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html.
 """
 
@@ -22,13 +22,13 @@ from mirrorfold.sweep.polarization import picked, polarizations
 TYPES = {"<f4": "Float32", "<f8": "Float64", "<i4": "Int32", "<i8": "Int64"}
 
 HEADER_LIMIT = 2**32
-"""Bytes of an array from which on its length needs 8 bytes."""
+"""Size of an array from which on its length does not fit into the 4 bytes of the header [bytes]."""
 
 Columns = Mapping[str, NDArray]
 
 
 def points_file(points: NDArray, columns: Columns, notes: Sequence[str] = ()) -> bytes:
-    """A VTP file of points (n, 3) [m], with a value of each column for every one, and comments."""
+    """A VTP file of points (n, 3) [m] with columns of values (n,), and comments."""
     each = np.arange(len(points), dtype="<i8")
     cells = f"<Verts>{_array('connectivity', each)}{_array('offsets', each + 1)}</Verts>"
     return _poly_data(points, f"<PointData>{_arrays(columns)}</PointData>", cells, notes, verts=len(points))
@@ -37,9 +37,9 @@ def points_file(points: NDArray, columns: Columns, notes: Sequence[str] = ()) ->
 def walls_file(
     outlines: Sequence[Array], columns: Columns, notes: Sequence[str] = (), *, lines: bool | None = None
 ) -> bytes:
-    """A VTP file of walls: lines (n, 3) [m], or faces; with a value of each column for each.
+    """A VTP file of walls, lines or faces (n, 3) [m], with columns of one value for each wall, and comments.
 
-    By default all are faces unless each has two points.
+    By default they are lines if all have two points, otherwise faces.
     """
     corners = np.concatenate([np.empty((0, 3)), *outlines]).astype("<f4")
     each = np.arange(len(corners), dtype="<i8")
@@ -70,7 +70,7 @@ def picture_file(pictures: Mapping[str, xr.DataArray]) -> bytes:
 
 
 def volume_file(volume: xr.DataArray) -> bytes:
-    """A VTS file of the volume (range, azimuth, elevation) of a raster scan: every sample at its place [m]."""
+    """A VTS file of the volume (range, azimuth, elevation) of a raster scan, with every voxel at its place [m]."""
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in ("range", "azimuth", "elevation"))
     origin = np.asarray(volume.attrs.get("radar_position", np.zeros(3)), dtype=float)
     sight = beam_direction(azimuth[:, None], elevation)
@@ -83,7 +83,7 @@ def volume_file(volume: xr.DataArray) -> bytes:
 
 
 def _parts(title: str, picture: xr.DataArray) -> dict[str, NDArray]:
-    """Amplitude of a picture, and where it is complex its phase [rad]; of each polarization by itself."""
+    """Columns of a picture: the amplitude and, if it is complex, the phase [rad]; separate for each polarization."""
     if "polarization" in picture.dims:
         each = {f"{title}_{name}": picked(picture, name) for name in polarizations(picture, "image")}
         return {name: values for label, one in each.items() for name, values in _parts(label, one).items()}
@@ -94,6 +94,7 @@ def _parts(title: str, picture: xr.DataArray) -> dict[str, NDArray]:
 
 
 def _poly_data(points: NDArray, data: str, cells: str, notes: Sequence[str], **counts: int) -> bytes:
+    """A VTP file of points [m], with XML of their data and cells, comments, and the number of cells of each kind."""
     numbers = [f'NumberOf{kind.title()}="{counts.get(kind, 0)}"' for kind in ("verts", "lines", "strips", "polys")]
     piece = "".join(f"<!-- {note} -->\n" for note in notes)
     piece += f'<Piece NumberOfPoints="{len(points)}" {" ".join(numbers)}>{data}'
@@ -102,7 +103,7 @@ def _poly_data(points: NDArray, data: str, cells: str, notes: Sequence[str], **c
 
 
 def _file(kind: str, grid: str, content: str, arrays: object) -> bytes:
-    """A whole file.
+    """A whole file of VTK.
 
     Raises
     ------
@@ -123,11 +124,12 @@ def _file(kind: str, grid: str, content: str, arrays: object) -> bytes:
 
 
 def _arrays(columns: Columns) -> str:
+    """Columns as XML."""
     return "".join(_array(name, column) for name, column in columns.items())
 
 
 def _array(name: str, values: NDArray) -> str:
-    """An array: its length in bytes and its numbers, in base64."""
+    """An array as XML: its length in bytes and its numbers, in base64."""
     raw = np.ascontiguousarray(values).tobytes()
     text = base64.b64encode(np.uint32(len(raw)).tobytes() + raw).decode()
     components = values.shape[1] if values.ndim > 1 else 1

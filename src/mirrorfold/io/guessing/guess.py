@@ -1,4 +1,4 @@
-"""A proposal of what the variables of a file are: by their names, sizes and values."""
+"""Proposes a mapping for a file, from the names, sizes and values of its variables, and tries it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Variable, read_contents
 
 MOST_TABLES = 20
-"""Of the tables beside a table so many are looked at."""
+"""Largest number of tables beside a table that are looked at."""
 
 
 def guess_mapping(path: str | Path, *, reader: str | None = None) -> Guess:
-    """What the variables of a file probably are.
+    """Guess what the variables of a file are, as a proposed mapping.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def guess_mapping(path: str | Path, *, reader: str | None = None) -> Guess:
 
 
 def _try(contents: Contents, guess: Guess) -> None:
-    """Whether the proposal makes a sweep."""
+    """Try the proposal: note the sweep that it makes, or what is missing."""
     if guess.missing or "s" not in guess.entries:
         return
     try:
@@ -71,14 +71,14 @@ def _try(contents: Contents, guess: Guess) -> None:
 
 
 def _with_tables(contents: Contents) -> Contents:
-    """The same with the columns of the tables beside a table, named by `BESIDE`, the file and the column."""
+    """The contents of a table with the tables beside it and their columns added, named by `BESIDE`, file and column."""
     if contents.reader != "table":
         return contents
     variables = dict(contents.variables)
     for path in sorted(contents.path.parent.glob("*.csv"))[:MOST_TABLES]:
         if path.samefile(contents.path) or path.stat().st_size > LARGEST_LOOKED_AT:
             continue
-        with suppress(InputError):  # a neighbour that is no table does not matter
+        with suppress(InputError):  # a file beside it that is no table is ignored
             values = np.asarray(read_contents(path, "table").array("table"))
             if np.iscomplexobj(values):
                 continue

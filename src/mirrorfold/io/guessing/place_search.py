@@ -1,4 +1,4 @@
-"""Where the antennas of a file probably stand: places as arrays, as coordinates, or in equal steps."""
+"""Search for the positions of the antennas in a file: as arrays, as coordinates one by one, or in equal steps."""
 
 from __future__ import annotations
 
@@ -28,14 +28,19 @@ from mirrorfold.io.mapping.names import (
 from mirrorfold.io.readers import Contents
 
 LARGEST_LOOKED_AT = 1 << 20
-"""Rows of numbers with more values are not looked into."""
+"""Largest number of values of a row of numbers that is looked at; also the largest size of a table beside a table
+[bytes]."""
 
 LARGEST_PITCH = 100.0
-"""Antennas farther apart than so many units are not given in mm or cm: an aeroplane's are in metres."""
+"""Distance between antennas, in the numbers of the file, from which on their unit cannot be mm or cm; positions of an
+aeroplane, for example, are in metres."""
 
 
 class PlaceSearch:
-    """The search for places, among the variables of a file that are not taken yet."""
+    """Search for places among the variables of a file that are not recognised as something else yet.
+
+    `free` holds these variables by name; what is found goes into the guess.
+    """
 
     def __init__(self, contents: Contents, guess: Guess) -> None:
         self.contents, self.guess = contents, guess
@@ -46,10 +51,11 @@ class PlaceSearch:
         }
 
     def _found(self, what: str, level: int, why: str) -> None:
+        """Note a finding; `level` is the index of its certainty in `LISTED`."""
         self.guess.findings.append(Finding(plain(what), LISTED[level], why))
 
     def _rows(self, pattern: re.Pattern[str], lengths: Iterable[int]) -> list[tuple[str, NDArray]]:
-        """Rows of finite numbers whose name fits and whose length is among those given."""
+        """Rows of finite numbers whose names fit a pattern, and whose lengths are among `lengths`, with their names."""
         found = []
         for name, variable in self.free.items():
             size = prod(variable.shape)
@@ -62,7 +68,7 @@ class PlaceSearch:
         return found
 
     def _pairs(self, count: int) -> bool:
-        """Two rows of whole numbers that say the antennas of each channel."""
+        """Look for two rows of whole numbers, the antennas of each of `count` channels; whether it succeeded."""
         found: dict[str, str] = {}
         columns = [name for name, _ in self._rows(CHANNELS, [count]) if name.count(BESIDE) == 2]
         for n, (side, pattern) in enumerate((("tx", TRANSMIT), ("rx", RECEIVE))):
@@ -91,7 +97,10 @@ class PlaceSearch:
         return True
 
     def _places_of_pairs(self, transmitters: int, receivers: int) -> str:
-        """Whose numbers the channels hold, in words, once their places are known: two arrays, or the same elements."""
+        """Look for the places of the antennas of channels: two arrays, or elements that transmit and receive.
+
+        Returns what the numbers of the channels count, in words; empty where no places were found.
+        """
         elements = max(transmitters, receivers)
         kept = len(self.guess.findings)
         known = [
@@ -110,13 +119,19 @@ class PlaceSearch:
         return ""
 
     def _forget(self, kept: int) -> None:
-        """Take back the places of transmitters where those of receivers were not found, and the reverse."""
+        """Drop the findings after the first `kept`, and the places of transmitters and receivers.
+
+        This is done where only one of both was found.
+        """
         del self.guess.findings[kept:]
         for side in ("tx", "rx"):
             self.guess.entries.pop(side, None)
 
     def _places(self, entry: str, pattern: re.Pattern[str] | None, count: int, *, own: bool = False) -> bool:
-        """Positions as one array, or as coordinates one by one; `own` ones have the side in their names."""
+        """Look for `count` positions as one array, or as coordinates one by one; whether it succeeded.
+
+        With `own`, equal steps count only if their names contain the side, tx or rx.
+        """
         for name, variable in self.free.items():
             lengths = [n for n in variable.shape if n > 1]
             fits = sorted(lengths) in (sorted((count, 3)), sorted((count, 2))) and variable.dtype.kind in "fiu"
@@ -147,7 +162,7 @@ class PlaceSearch:
         return True
 
     def _steps(self, entry: str, count: int, *, own: bool) -> bool:
-        """Places in equal steps, where the file gives the first place and the pitch, each in its own unit."""
+        """Look for places in equal steps along x, given by the first place and the pitch; whether it succeeded."""
         side = entry if entry in ("tx", "rx") else ""
         scalars = {name: variable for name, variable in self.free.items() if prod(variable.shape) == 1}
 
@@ -182,11 +197,11 @@ class PlaceSearch:
         return True
 
     def _named_unit(self, name: str) -> str | None:
-        """The unit of length that the file or the name of a variable says."""
+        """The unit of length of a variable, by its attribute or its name; None where neither tells it."""
         return unit_of_name(last_part(name), "length", str(self.contents.variables[name].attrs.get("units", "")))
 
     def _length_unit(self, name: str, coordinates: list[str] | None = None) -> str:
-        """The unit of places: by the file, by the name, or by their distance in wavelengths."""
+        """The unit of places: by the variable's attribute, by its name, or by their distances in wavelengths."""
         said = self._named_unit(name)
         if said is not None:
             return said
@@ -213,13 +228,13 @@ class PlaceSearch:
 
 
 def last_part(name: str) -> str:
-    """The last part of a name, or the file it stands in, in lower case."""
+    """The last part of a variable's name, or the name of the file beside that holds it, in lower case."""
     if name.startswith(BESIDE):
         return name.split(BESIDE)[1].rpartition(".")[0].lower()
     return name.rpartition(".")[2].lower()
 
 
 def _tall(values: NDArray) -> NDArray:
-    """Places as rows."""
+    """Places with one row for each, (n, 1 to 3), also where the file has one column for each."""
     values = np.squeeze(values)
     return values.T if values.ndim == 2 and values.shape[0] <= 3 < values.shape[1] else np.atleast_2d(values)

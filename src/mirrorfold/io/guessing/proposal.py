@@ -10,12 +10,12 @@ from typing import Any
 import tomli_w
 
 LISTED = ("sure", "likely", "a guess")
-"""How sure a finding is: told by name, size and values; by two of these; by a single one."""
+"""How sure a finding is: name, size and values agree; two of these do; only a single one tells it."""
 
 
 @dataclass
 class Finding:
-    """What was inferred, how sure it is (one of `LISTED`), and why."""
+    """What was inferred about a file, how sure it is (one of `LISTED`), and why."""
 
     what: str
     sure: str
@@ -33,9 +33,9 @@ class Guess:
     entries : dict
         The mapping, as its TOML file would hold it.
     missing : list of str
-        What has to be added by hand.
+        What has to be added by hand, in sentences.
     works : str
-        The sweep that the mapping makes, in words; empty where it makes none yet.
+        The sweep that the mapping makes, in words; empty if it does not make one yet.
     """
 
     path: Path
@@ -54,16 +54,16 @@ class Guess:
 
 
 BESIDE = "|"
-"""Marks the names of what lies in other files."""
+"""First letter of the names of variables that are in other files."""
 
 
 def plain(text: str) -> str:
-    """A sentence, with the names of what lies in other files as people write them."""
+    """A sentence in which the names of variables in other files are written for people: file and column."""
     return re.sub(r"'\|([^'|]+)(?:\|(\d+))?'", lambda m: f"{m[1]} column {m[2]}" if m[2] else m[1], text)
 
 
 def source(name: str) -> Any:
-    """What a mapping says for a row of numbers."""
+    """What a mapping file holds for a row of numbers: the name of a variable, or file and column."""
     if not name.startswith(BESIDE):
         return name
     file, _, column = name[1:].partition(BESIDE)

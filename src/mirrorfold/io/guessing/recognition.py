@@ -1,4 +1,4 @@
-"""What the variables of a file probably are: by their names, sizes and values."""
+"""Recognises samples, axes and antennas among the variables of a file, by their names, sizes and values."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from mirrorfold.io.readers import Variable
 from mirrorfold.io.readers.phases import phase_unit
 
 GIGAHERTZ_BELOW = 3e3
-"""Frequencies that all lie below this are given in GHz, if they are those of a radar."""
+"""Numbers below which frequencies without a unit are taken to be in GHz, as a radar has none so low in Hz."""
 
 
 class Search(PlaceSearch):
-    """The search for samples, then axes, then places; what is recognised is taken off the list of variables."""
+    """The search for samples, then axes, then places; recognised variables are removed from the list."""
 
     def run(self) -> None:
         """Fill in the guess."""
@@ -66,7 +66,10 @@ class Search(PlaceSearch):
         self._found("the time convention exp(+jwt)", 2, "the file does not say; `mirrorfold info` tests it on the data")
 
     def _samples(self) -> Variable | None:
-        """The variable with complex samples, or two with their parts, or the largest real array."""
+        """Find the samples: a complex variable, two variables with their parts, or the largest real array.
+
+        Returns one of the variables, whose shape and dimensions are those of the samples; None where none is found.
+        """
         complexes = {name: v for name, v in self.free.items() if v.dtype.kind == "c"}
         if "s" in complexes and complexes["s"].dims:  # the reader knows the axes
             complexes = {"s": complexes["s"]}
@@ -104,7 +107,7 @@ class Search(PlaceSearch):
         return self.free.pop(name)
 
     def _polar(self, size: str, angle: str) -> Variable:
-        """Magnitudes and phases, with their units by name and value."""
+        """Take two variables as magnitude and phase of the samples, with units by name and values."""
         values, turns = (np.asarray(self.contents.array(name), dtype=float) for name in (size, angle))
         decibel = "db" in last_part(size) or bool(np.nanmin(values) < 0.0)
         told = phase_unit(last_part(angle), turns)
@@ -117,7 +120,7 @@ class Search(PlaceSearch):
         return self.free.pop(size)
 
     def _parts(self, shape: list[int], dims: list[str]) -> None:
-        """The axis of real and imaginary parts, of samples that are real numbers against frequency."""
+        """Find the axis of real and imaginary parts, if the samples are real numbers over frequency."""
         if "variable" not in self.guess.entries["s"] or not self._is_real():
             return
         at = next((at for at in (len(shape) - 1, 0) if shape[at] == 2 and not dims[at]), None)
@@ -126,7 +129,7 @@ class Search(PlaceSearch):
             self._found(f"axis {at} holds real and imaginary parts", 1, "length two, of real numbers against frequency")
 
     def _spectral(self, shape: list[int], dims: list[str]) -> None:
-        """The axis of frequency or time."""
+        """Find the axis of frequency or time, and its values."""
         is_real = "variable" in self.guess.entries["s"] and self._is_real() and "re_im" not in dims
         for kind, pattern in (("time", TIME), ("frequency", FREQUENCY)) if is_real else (("frequency", FREQUENCY),):
             for name, values in self._rows(pattern, [n for n in shape if n > 1]):
@@ -168,7 +171,7 @@ class Search(PlaceSearch):
             )
 
     def _cannot_know(self, shape: list[int], *axes: int) -> None:
-        """Say of axes of equal length that they may be exchanged."""
+        """Note that axes of equal length may be exchanged."""
         if len(axes) > 1 and len({shape[at] for at in axes}) == 1:
             listed = " and ".join(map(str, axes))
             self._found(
@@ -178,11 +181,12 @@ class Search(PlaceSearch):
             )  # fmt: skip
 
     def _is_real(self) -> bool:
+        """Whether the variable with the samples holds real numbers."""
         name = self.guess.entries["s"]["variable"]
         return self.contents.variables[name].dtype.kind != "c"
 
     def _unit(self, kind: str, name: str, values: NDArray) -> str:
-        """The unit of a row, by the file, by its name, or by its size."""
+        """The unit of frequencies or times, by the variable's attribute, by its name, or by its values."""
         unit = unit_of_name(last_part(name), kind, str(self.contents.variables[name].attrs.get("units", "")))
         if unit is not None:
             return unit
@@ -191,7 +195,7 @@ class Search(PlaceSearch):
         return "s"
 
     def _channels(self, shape: list[int], dims: list[str]) -> None:
-        """The axes of antennas: pairs, transmitters and receivers, or positions."""
+        """Find the axes of antennas: pairs, transmitters and receivers, or positions; or those of a raster scan."""
         open_ = [at for at, name in enumerate(dims) if name in ("", "tx", "rx", "position")]
         if len(open_) == 1:
             at = open_[0]
@@ -220,7 +224,7 @@ class Search(PlaceSearch):
             self._cannot_know(shape, first, second)
 
     def _directions(self, shape: list[int], dims: list[str], open_: list[int]) -> bool:
-        """The axes of a raster scan."""
+        """Find the axes of a raster scan, azimuth and elevation; whether it succeeded."""
         for first, second in (open_[-2:], open_[-2:][::-1]):
             rows = [self._rows(AZIMUTH, [shape[first]]), self._rows(ELEVATION, [shape[second]])]
             if all(rows):
@@ -238,7 +242,7 @@ class Search(PlaceSearch):
         return False
 
     def _extras(self, shape: list[int], dims: list[str]) -> None:
-        """Reference ranges of pulses, and the speed of the waves."""
+        """Find the reference ranges of pulses, and the speed of the waves."""
         if "position" in dims:
             for name, values in self._rows(REFERENCE, [shape[dims.index("position")]]):
                 if values.min() > 0:

@@ -18,15 +18,15 @@ from mirrorfold.sweep import AXES
 Array = NDArray[np.floating]
 
 LEADING = ("polarization", "frame")
-"""Axes that stand before frequency, in this order."""
+"""Axes of a sweep before frequency, in this order."""
 
 ANGLE_DIGITS = 6
-"""Angles that agree to so many digits after the point [degree] are one."""
+"""Digits after the point to which angles [degree] must agree to be the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Samples whose axes are known, and where to look for the places or angles of those axes.
+    """Samples with named axes, and the mapping and quantities from which the places or angles of these axes are read.
 
     Attributes
     ----------
@@ -37,9 +37,9 @@ class Measured:
     dims : list of str
         The axes of `s`: leading ones, frequency, those of the arrangement.
     speed : float [m/s]
-        Of the waves.
+        Speed of the waves.
     attrs : dict
-        Of the sweep.
+        Attributes of the sweep.
     """
 
     quantities: Quantities
@@ -51,7 +51,7 @@ class Measured:
     attrs: dict[str, Any]
 
     def counted(self, found: int, name: str, axis: str) -> None:
-        """Raise an InputError where there are not as many places or angles as samples along an axis."""
+        """Refuse a number of places or angles that differs from the number of samples along an axis."""
         expected = self.s.shape[self.dims.index(axis)]
         if found != expected:
             raise self.quantities.fail(
@@ -59,7 +59,7 @@ class Measured:
             )
 
     def sweep(self, s: NDArray, axes: tuple[str, ...], coords: dict[str, Any], attrs: dict[str, Any]) -> xr.Dataset:
-        """The sweep of samples over leading axes, frequency and `axes`."""
+        """The sweep of samples over the leading axes, frequency and `axes`."""
         coords = {"frequency": ("frequency", self.frequency, {"units": "Hz"}), **coords}
         if any(name.endswith("_position") for name in coords):
             coords["axis"] = list(AXES)
@@ -68,7 +68,7 @@ class Measured:
 
 
 def _matrix(samples: Measured) -> xr.Dataset:
-    """Every transmitter with every receiver."""
+    """The sweep of samples with axes for transmitters and receivers."""
     tx, rx = _arrays(samples)
     samples.counted(len(tx), "tx", "tx")
     samples.counted(len(rx), "rx", "rx")
@@ -85,6 +85,7 @@ def _arrays(samples: Measured) -> tuple[Array, Array]:
 
 
 def _pair_coords(tx: Array, rx: Array) -> dict[str, Any]:
+    """Coordinates of a sweep of pairs."""
     return {
         "tx_position": (("tx", "axis"), tx, {"units": "m"}),
         "rx_position": (("rx", "axis"), rx, {"units": "m"}),
@@ -92,7 +93,7 @@ def _pair_coords(tx: Array, rx: Array) -> dict[str, Any]:
 
 
 def _pairs(samples: Measured) -> xr.Dataset:
-    """A full matrix from a list of channels; pairs that were not measured are zero, and marked."""
+    """The sweep of a list of channels, as a full matrix; pairs that were not measured are zero, and marked."""
     pairs, quantities = samples.mapping.pairs, samples.quantities
     assert pairs is not None
     tx, rx = _arrays(samples)
@@ -126,7 +127,10 @@ def fill_matrix(
     *,
     reciprocal: bool,
 ) -> tuple[NDArray, NDArray[np.bool_]]:
-    """Samples (..., pairs) as (..., tx, rx), zero where nothing was measured, and what was measured."""
+    """Samples (..., pairs) as a matrix (..., tx, rx), and which pairs were measured (tx, rx).
+
+    Samples of pairs that were not measured are zero. With `reciprocal`, each pair also counts for the exchanged one.
+    """
     numbers, counts = np.unique(tx * shape[1] + rx, return_counts=True)
     if (counts > 1).any():
         twice = divmod(int(numbers[counts > 1][0]), shape[1])
@@ -143,7 +147,7 @@ def fill_matrix(
 
 
 def _moving(samples: Measured) -> xr.Dataset:
-    """One moving antenna; pulses that were referred to a range get their true delay back."""
+    """The sweep of one moving antenna; a motion compensation to reference ranges is undone."""
     mapping, quantities, s = samples.mapping, samples.quantities, samples.s
     assert mapping.antenna is not None
     antenna = quantities.places(mapping.antenna, "antenna")
@@ -159,7 +163,7 @@ def _moving(samples: Measured) -> xr.Dataset:
 
 
 def _raster(samples: Measured) -> xr.Dataset:
-    """Beams on a grid of azimuths and elevations, both rising."""
+    """The sweep of beams on a grid of azimuths and elevations, both made rising."""
     s, coords = samples.s, {}
     for at, name in ((-2, "azimuth"), (-1, "elevation")):
         angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")
@@ -171,7 +175,7 @@ def _raster(samples: Measured) -> xr.Dataset:
 
 
 def _beams(samples: Measured) -> xr.Dataset:
-    """A list of beams, put on the grid of their angles."""
+    """The sweep of a list of beams, put on the grid of their angles."""
     angles = []
     for name in ("azimuth", "elevation"):
         angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")
@@ -219,4 +223,4 @@ ARRANGEMENTS: dict[tuple[str, ...], Callable[[Measured], xr.Dataset]] = {
     ("azimuth", "elevation"): _raster,
     ("beam",): _beams,
 }
-"""What the axes beside frequency may be, in the order of a sweep, and what makes the sweep of them."""
+"""The possible axes beside frequency, in the order of a sweep, and the function that makes a sweep of each."""

@@ -1,4 +1,4 @@
-"""From variables and their mapping to a sweep in the project's own convention."""
+"""Makes a sweep, in the project's own convention, of the variables of a file and their mapping."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mirrorfold.sweep import TIME_CONVENTION, check_sweep, doubts, frequency_uni
 
 
 def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
-    """The sweep that a mapping makes of the content of a file.
+    """Make the sweep that a mapping describes from the contents of a file.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
 
 
 def _check_unit(quantities: Quantities, mapping: Mapping, sweep: xr.Dataset) -> None:
-    """Refuse frequencies, or the times that they were made of, in a unit that the mapping does not say."""
+    """Refuse frequencies, or the times from which they were made, that are probably in another unit than is stated."""
     meant = frequency_unit_of(sweep)
     if meant is None:
         return
@@ -71,7 +71,7 @@ def _check_unit(quantities: Quantities, mapping: Mapping, sweep: xr.Dataset) -> 
 
 
 def join(sweeps: Sequence[xr.Dataset], along: str, names: Sequence[str]) -> xr.Dataset:
-    """Several sweeps of the same frequencies in one, along ``position`` or ``frame``.
+    """Join several sweeps with the same frequencies to one, along ``position`` or ``frame``.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def _wave_speed(quantities: Quantities, mapping: Mapping) -> float:
 
 
 def _attrs(mapping: Mapping, contents: Contents, speed: float) -> dict[str, Any]:
-    """What the mapping and the file say beside samples and places."""
+    """Attributes of the sweep, from the mapping and the file."""
     attrs: dict[str, Any] = {"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION}
     for name in ("title", "instrument", "description"):
         value = getattr(mapping, name)

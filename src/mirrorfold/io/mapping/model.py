@@ -1,6 +1,6 @@
 """The mapping file: which variable of a file is what, in which unit, order and sign convention.
 
-A TOML file, for whatever does not say it itself; `mirrorfold import --guess FILE` proposes one::
+It is a TOML file, for data files that do not tell this themselves; `mirrorfold import --guess FILE` proposes one::
 
     time_convention = "exp(+jwt)"
     s = {variable = "data.fp", dims = ["frequency", "position"]}
@@ -37,7 +37,7 @@ Coordinate = Annotated[Finite, Field(ge=-FARTHEST, le=FARTHEST), Quantity("lengt
 
 
 def _known_unit(value: Any) -> Any:
-    """The unit that a name stands for."""
+    """The unit of a name, such as "mm" for "millimetre"; a name of no unit is refused."""
     found = unit_named(value) if isinstance(value, str) else None
     if found is None:
         raise ValueError(f"{value!r} is no unit that is known, expected one of {', '.join(UNITS)}")
@@ -48,7 +48,7 @@ Unit = Annotated[str, BeforeValidator(_known_unit)]
 
 
 def in_one_unit(content: Any, names: tuple[str, ...]) -> Any:
-    """The content of a table whose numbers are written with units, as in ``"270 GHz"``, in the base unit of their kind.
+    """The content of a table with numbers such as ``"270 GHz"`` converted to the base unit, and with `unit` set.
 
     Raises
     ------
@@ -70,32 +70,32 @@ def in_one_unit(content: Any, names: tuple[str, ...]) -> Any:
 
 
 def _converted(value: Any, kind: str) -> Any:
-    """A value with its numbers in the base unit."""
+    """A value, or nested lists of values, with numbers in the base unit."""
     if isinstance(value, list):
         return [_converted(item, kind) for item in value]
     return parse_quantity(value, kind) if isinstance(value, str) else value
 
 
 class Strict(BaseModel):
-    """A part of a mapping: unknown entries are mistakes."""
+    """A part of a mapping, in which unknown entries are mistakes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Values(Strict):
-    """A row of numbers: a variable of the file, a column of a table beside it, or given here.
+    """A row of numbers: a variable of the file, a column of a table beside it, or numbers in the mapping.
 
     Attributes
     ----------
     variable : str
-        Of the file itself.
+        Name of a variable of the file itself.
     file : str
-        A table beside it, with `column` (number from zero, or heading).
+        Name of a table beside it, with `column` (number from zero, or heading).
     values : list of float
     start, stop, step, points : float
-        Equal steps: two of the last three, and the first.
+        Equal steps: `start`, `points` and one of `stop` and `step`.
     unit : str
-        Of these numbers; SI (degrees for angles) unless given.
+        Unit of these numbers; by default SI (degrees for angles).
     """
 
     variable: str | None = None
@@ -125,7 +125,7 @@ class Values(Strict):
 
 
 def _short(value: Any) -> Any:
-    """A name stands for a variable; numbers, with a unit or without, for themselves."""
+    """The content of `Values` for a short form: a name stands for a variable, numbers for themselves."""
     if isinstance(value, str):
         return {"values": [value]} if any(unit for _, unit in written_numbers(value)) else {"variable": value}
     if isinstance(value, (int, float)) and not isinstance(value, bool):
@@ -137,25 +137,26 @@ Row = Annotated[Values, BeforeValidator(_short)]
 
 
 class Samples(Strict):
-    """The samples: one complex variable, or two that make one.
+    """The samples: one variable, or two with their parts.
 
     Attributes
     ----------
     variable : str
+        Name of a variable with complex samples, or real ones over time.
     real, imaginary : str
-        Variables.
+        Names of variables.
     magnitude, phase : str
-        Variables, in `magnitude_unit` and `phase_unit`.
+        Names of variables, in `magnitude_unit` and `phase_unit`.
     dims : list of str
         Axes in their order in the file: ``frequency``, ``time`` or ``range``, and ``tx``, ``rx``; ``pair``;
         ``position``; ``azimuth``, ``elevation`` or ``beam``; ``frame``, ``polarization``; ``re_im`` for an axis of
-        length two; any other name needs a `select`.
+        length two with real and imaginary part; any other name needs a `select`.
     select : dict
         Index, or list of indices, to keep along an axis.
     skip : int
-        First columns of a table that are no samples, such as one with the frequencies.
+        Number of first columns of a table that are no samples, such as one with the frequencies.
     shape : list of int
-        What to make of the array before its axes are named, the last axis running fastest; -1 for what is left.
+        Shape that the array gets before its axes are named, the last axis running fastest; -1 for what is left.
     """
 
     variable: str | None = None
@@ -191,11 +192,11 @@ class Places(Strict):
     Attributes
     ----------
     position : str or list
-        A variable or list of places, (n, 2) or (n, 3); or `file`, a table beside the file.
+        Name of a variable, or a list of places, (n, 2) or (n, 3); or `file`, a table beside the file.
     axes : list of str
-        What its columns are, for example ``["x", "-z", "y"]``.
+        The axes of its columns, for example ``["x", "-z", "y"]``.
     x, y, z
-        The coordinates one by one instead, each a row or one number.
+        Instead, the coordinates one by one, each a row or one number.
     unit : str
     """
 
@@ -223,7 +224,7 @@ class Places(Strict):
 
 
 class Pairs(Strict):
-    """Which transmitter and which receiver a channel belongs to: numbers of the antennas, from `base`."""
+    """The transmitter and the receiver of each channel, by the numbers of the antennas, counted from `base`."""
 
     tx: Row
     rx: Row
@@ -231,7 +232,7 @@ class Pairs(Strict):
 
 
 class Carried(Strict):
-    """A range profile about a carrier: where its samples stand [m] and the frequency they were mixed down from [Hz]."""
+    """The ranges [m] of the samples of range profiles, and the carrier [Hz] from which these were mixed down."""
 
     variable: str | None = None
     start: Finite | None = None
@@ -252,7 +253,7 @@ class Carried(Strict):
 
 
 class Compensation(Strict):
-    """The range [m], one for each position, that every pulse was referred to (motion compensation)."""
+    """The reference range [m] of the pulses at each position, to which motion compensation has shifted them."""
 
     range: Row
 
@@ -264,15 +265,15 @@ class Mapping(Strict):
     ----------
     s : Samples
     frequency, time, range
-        The axis that the samples have; times and ranges are turned into frequencies.
+        Values along that axis which the samples have; samples over time or range are transformed to frequency.
     band : (float, float) [Hz]
-        Frequencies to keep.
+        Lowest and highest frequency to keep.
     tx, rx : Places
-        Of transmitters and receivers; or `elements` that are both; or one moving `antenna`.
+        Places of transmitters and receivers; or of `elements` that are both; or of one moving `antenna`.
     pairs : Pairs
         For samples with an axis ``pair``.
     reciprocal : bool
-        Of pairs measured in one direction only, the samples hold for transmitter and receiver exchanged, too.
+        Whether the samples of pairs measured in one direction hold for the exchanged pairs, too.
     azimuth, elevation : Values
         Directions of the beams of a raster scan, with `origin`.
     compensation : Compensation
@@ -343,12 +344,12 @@ class Mapping(Strict):
 
 
 def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
-    """A mapping from a file, from a dict of the same form, or by name one that comes along, whatever lies beside.
+    """Read a mapping from a file, a dict of the same form, or the name of a shipped one, which has precedence.
 
     Raises
     ------
     InputError
-        With every mistake and its place.
+        The message tells every mistake and its place.
     """
     if isinstance(mapping, Mapping):
         return mapping
@@ -364,6 +365,6 @@ def load_mapping(mapping: str | Path | dict[str, Any] | Mapping) -> Mapping:
 
 
 def shipped() -> list[str]:
-    """Names of the mappings that come along."""
+    """Names of the mappings that are shipped with the package."""
     folder = files("mirrorfold").joinpath("io", "mapping", "shipped")
     return sorted(Path(item.name).stem for item in folder.iterdir() if item.name.endswith(".toml"))

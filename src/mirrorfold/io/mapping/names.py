@@ -1,4 +1,4 @@
-"""What variables are called: patterns of names, in lower case, and the units that names end in."""
+"""Patterns of the names of variables, in lower case, by what these hold, and the units with which names end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PLACES = re.compile(r"pos|place|loc|coord|antenna|elem|sensor|phase_?cent|xyz")
 TRANSMIT, RECEIVE = re.compile(r"tx|trans|source|emit|^t_"), re.compile(r"rx|rec|^r_|detect")
 CHANNELS = re.compile(r"chan|pair")
 LENGTH_UNIT = rf"(?:_?(?:{'|'.join(KINDS['length'])}))?"
-"""A unit of length that may stand at the end of a name."""
+"""Pattern of a unit of length that may stand at the end of a name."""
 
 COORDINATE = re.compile(rf"^(?:ant|antenna|pos|el|elem|sensor|radar)?_?([xyz])_?(?:c|pos|axis)?{LENGTH_UNIT}$")
 TX_COORDINATE = re.compile(
@@ -39,11 +39,11 @@ BEFORE_UNIT = {
     "length": r"[xyz]|d[xyz]|pos|position|place|pitch|step|spacing",
     "angle": r"az|azimuth|el|elevation|angle|theta|phi",
 }
-"""What may stand before a unit without a mark between the two, as in ``fGHz``."""
+"""Patterns of what may stand before a unit without a mark between both, as in ``fGHz``."""
 
 
 def unit_of_name(name: str, kind: str, said: str = "") -> str | None:
-    """The unit of a variable, by what its file says of it, else by the end of its name; None where neither tells.
+    """The unit of a variable, by the unit `said` in its file, else by the end of its name; None where neither tells.
 
     Examples
     --------

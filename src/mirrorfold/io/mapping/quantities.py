@@ -1,4 +1,4 @@
-"""Numbers that a mapping names, in SI units: rows, positions, indices."""
+"""Reads the numbers that a mapping names, in SI units: rows, columns of tables, positions."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class Quantities:
     Attributes
     ----------
     contents : Contents
+    tables : dict
+        Tables that were read already, by their names.
     """
 
     contents: Contents
@@ -38,7 +40,7 @@ class Quantities:
         Raises
         ------
         InputError
-            If it is not there, is no row of finite numbers, or has a unit of another kind.
+            If it is missing, is no row of finite numbers, or has a unit of another kind.
         """
         if values.unit is not None and values.unit not in KINDS[kind]:
             expected = f"one of {', '.join(KINDS[kind])}" if KINDS[kind] else "none"
@@ -64,7 +66,7 @@ class Quantities:
         return result
 
     def _steps(self, values: Values) -> Array:
-        """Equal steps."""
+        """A row of equal steps."""
         assert values.start is not None
         assert values.points is not None
         check_memory(self.contents.path, 8.0 * values.points, "a row of its mapping")
@@ -99,7 +101,7 @@ class Quantities:
         Raises
         ------
         InputError
-            If they are not there, or are no list of places.
+            If they are missing, or are no list of places.
         """
         if places.unit not in KINDS["length"]:
             raise self.fail(f"{name} has the unit {places.unit!r}, expected one of {', '.join(KINDS['length'])}")

@@ -1,4 +1,4 @@
-"""From the variables of a file to samples over rising frequencies."""
+"""Makes samples over rising frequencies of the variables of a file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.floating]
 
 
 def samples_of(quantities: Quantities, samples: Samples) -> tuple[NDArray, list[str]]:
-    """Complex or real samples with the names of their axes, selected.
+    """Samples, complex or real, and the names of their axes, after `shape`, `skip` and `select` are applied.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def samples_of(quantities: Quantities, samples: Samples) -> tuple[NDArray, list[
 
 
 def _shaped(quantities: Quantities, values: NDArray, samples: Samples, name: str) -> NDArray:
-    """The array without the columns to skip, in the shape that is asked for."""
+    """The array without the columns to skip, in the shape of the mapping."""
     if samples.skip:
         if values.ndim != 2 or values.shape[1] <= samples.skip:
             raise quantities.fail(f"{name} has the shape {values.shape}, of which {samples.skip} columns are skipped")
@@ -96,7 +96,7 @@ def _squeezed(quantities: Quantities, values: NDArray, dims: list[str], name: st
 def to_frequency(
     quantities: Quantities, mapping: Mapping, s: NDArray, dims: list[str], speed: float
 ) -> tuple[Array, NDArray, list[str]]:
-    """Frequencies [Hz], and the samples over them; those over time or range are transformed.
+    """Frequencies [Hz], the samples over them, and the names of their axes; samples over time or range are transformed.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def to_frequency(
 
 
 def rising(quantities: Quantities, frequency: Array, s: NDArray, dims: list[str]) -> tuple[Array, NDArray]:
-    """Rising frequencies [Hz] in exactly equal steps, where they are so but for the rounding of the file.
+    """Frequencies [Hz] and samples with frequencies rising in exactly equal steps, free of the file's rounding.
 
     Raises
     ------

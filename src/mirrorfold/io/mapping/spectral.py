@@ -1,4 +1,4 @@
-"""From time traces and range profiles to frequencies, in the convention ``exp(+jwt)``."""
+"""Transforms time traces and range profiles to spectra, in the time convention ``exp(+jwt)``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEP_TOLERANCE = 1e-3
 """Largest deviation of a step from the mean step, as a share of the mean."""
 
 OCCUPIED_DB = -30.0
-"""The band reaches from the strongest frequency to where the mean spectrum first falls below this level [dB]."""
+"""Level of the mean spectrum, relative to its strongest frequency [dB], below which the occupied band ends."""
 
 
 def from_time(s: NDArray, time: Array, band: tuple[float, float] | None) -> tuple[Array, NDArray]:
@@ -26,7 +26,7 @@ def from_time(s: NDArray, time: Array, band: tuple[float, float] | None) -> tupl
     time : (times,) array [s]
         In equal steps.
     band : (lower, upper) [Hz], optional
-        What to keep; by default the band that the signal occupies.
+        Band to keep; by default the one that the signal occupies.
 
     Returns
     -------
@@ -65,10 +65,10 @@ def from_range(
     distance : (ranges,) array [m]
         In equal steps.
     carrier : float [Hz]
-        What the samples were mixed down from.
+        Carrier from which the samples were mixed down.
     wave_speed : float [m/s]
     band : (lower, upper) [Hz], optional
-        What to keep; by default the band that the pulses occupy.
+        Band to keep; by default the one that the pulses occupy.
 
     Returns
     -------
@@ -91,12 +91,12 @@ def from_range(
 
 
 def equal_steps(values: Array, name: str) -> float:
-    """The step of a rising row of equal steps.
+    """The mean step of a row of values in equal rising steps.
 
     Raises
     ------
     InputError
-        If it is none.
+        If the steps are not equal or not rising.
     """
     if values.size < 2:
         raise InputError(f"{name} has {values.size} values, expected two at least")
@@ -110,7 +110,7 @@ def equal_steps(values: Array, name: str) -> float:
 
 
 def _kept(frequency: Array, spectra: NDArray, band: tuple[float, float] | None) -> NDArray[np.bool_]:
-    """The frequencies within the band, or those that the signal occupies."""
+    """Which frequencies are within the band, or in the one that the signal occupies around its strongest frequency."""
     if band is not None:
         keep = (frequency >= band[0]) & (frequency <= band[1])
         if not keep.any():

@@ -1,4 +1,4 @@
-"""Reading small files that people write - TOML and JSON - with every mistake at once and its place."""
+"""Reads small TOML and JSON files that people write, and reports all mistakes at once with their places."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def read_written(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it cannot be read, or is not valid; the message has the line.
+        If the file cannot be read, or is not valid; the message tells the line.
     """
     raw = read_bytes(path, growth=20.0)
     if len(raw) > LARGEST_TEXT:
@@ -40,12 +40,12 @@ def read_written(path: Path) -> dict[str, Any]:
 
 
 def validated(model: type[Model], content: dict[str, Any], source: str) -> Model:
-    """The content as a model, checked.
+    """Check the content, and return it as a model.
 
     Raises
     ------
     InputError
-        With every mistake and its place.
+        If the content is not valid; the message tells every mistake and its place.
     """
     try:
         return model.model_validate(content)
@@ -73,7 +73,7 @@ def _models(annotation: Any) -> Iterable[type[BaseModel]]:
 
 
 def _explain(item: Any, fields: list[str]) -> str:
-    """One mistake in plain words, with its place such as ``tx.position``."""
+    """A mistake that pydantic found, in plain words, with its place such as ``tx.position``."""
     place = ""
     for part in item["loc"]:
         if isinstance(part, int):

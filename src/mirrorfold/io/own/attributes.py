@@ -1,4 +1,4 @@
-"""Attributes as netCDF can hold them: lists, objects, booleans and nulls are JSON, texts hold only characters."""
+"""Attributes as netCDF can hold them: lists, dicts, booleans and None become JSON, texts only printable characters."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ import numpy as np
 from mirrorfold.errors import printable
 
 DEEPEST = 8
-"""Lists within lists of an attribute; what goes deeper is a text that only looks like them."""
+"""Largest number of levels of nested lists in an attribute; a text with more only looks like JSON."""
 
 
 def storable(value: Any) -> Any:
-    """Numbers, texts and arrays of numbers as they are; the rest as JSON, which `decoded` undoes."""
+    """An attribute as netCDF can hold it: numbers, texts and arrays of numbers as they are, all else as JSON.
+
+    `decoded` is the inverse.
+    """
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
@@ -27,20 +30,20 @@ def storable(value: Any) -> Any:
 
 
 def decoded(value: Any) -> Any:
-    """An attribute as it was before `storable`; texts hold only what is printable."""
+    """An attribute as it was before `storable`, with only printable characters in texts."""
     if isinstance(value, str) and (value[:1] in ("[", "{") or value in ("true", "false", "null")):
-        with suppress(ValueError, RecursionError):  # it is a text that only begins like JSON
+        with suppress(ValueError, RecursionError):  # a text that only begins like JSON
             return _with_printable(json.loads(value), DEEPEST)
     return printable(value) if isinstance(value, str) else value
 
 
 def _with_printable(value: Any, levels: int) -> Any:
-    """A value of JSON whose texts hold only what is printable.
+    """A value of JSON with only printable characters in its texts.
 
     Raises
     ------
     ValueError
-        If lists and objects are nested in more than so many levels.
+        If lists and objects are nested in more than `levels` levels.
     """
     if isinstance(value, str):
         return printable(value)
@@ -54,7 +57,7 @@ def _with_printable(value: Any, levels: int) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON has no word for."""
+    """A value that JSON cannot hold, as one that it can: numbers and arrays of NumPy, mappings, and others as text."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):

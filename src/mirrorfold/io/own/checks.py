@@ -1,4 +1,4 @@
-"""What an image and a reconstruction must hold; damaged files, and those of others, hold something else instead."""
+"""Checks of what images and reconstructions must hold, because files may be damaged or come from other programs."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ TEXTS = ("title", "instrument", "description", "remark", "command", "preset", "t
 """Attributes that are texts."""
 
 PLACES = re.compile(r"(folded_)?(corner_)?[xyz]([01]|_initial)?")
-"""Names of coordinates in the tables of a reconstruction."""
+"""Names of the columns with coordinates in the tables of a reconstruction."""
 
 NUMBERS = re.compile(
     r"(folded_)?((center|normal|axis)_)?[xyz]m?|(\w+_)?error|frame|amplitude|bounces|confidence|confocal|interpolated|"
     r"growth|passed|parent|generation|strength|fill|depth|curvature|permittivity|thickness|beyond_(start|end)"
 )
-"""Names of all other columns of numbers that we write there; some are not a number (NaN) where they mean nothing."""
+"""Names of all other columns of numbers in these tables; some are NaN where they have no meaning."""
 
 BENT = re.compile(r"curvature|(folded_)?[xyz]m")
-"""Columns that tell how a curved mirror is bent; those of straight mirrors may be NaN."""
+"""Columns that describe the arc of a curved mirror; for straight mirrors they may be NaN."""
 
 WORDS = {"caustic", "chain", "decided", "explanation", "surface", "wall"}
 """Columns of texts."""
@@ -43,7 +43,7 @@ TOGETHER = {
         tuple(f"{folded}corner_{axis}" for folded in ("", "folded_") for axis in "xyz"),
     ),
 }
-"""Columns of volumes: a table has all of a group, or none."""
+"""Groups of columns in each table: a table has all columns of a group, or none."""
 
 MEASURED = {
     "wave_speed": 1.0,
@@ -51,7 +51,7 @@ MEASURED = {
     **dict.fromkeys(("range_resolution", "ambiguous_range", "spot_radius", "focus_distance"), 1e-9),
     **dict.fromkeys(("tx_aperture", "rx_aperture", "frequency_points"), 0.0),
 }
-"""Attributes that are numbers, and less than any radar or sonar has of each [m/s, Hz, m, 1]."""
+"""Attributes that are numbers, and a lower bound of each for any radar or sonar [m/s, Hz, m, 1]."""
 
 ENDLESS = ("range_resolution", "ambiguous_range")
 """Attributes that may be infinite, as of a sweep with a single frequency."""
@@ -60,18 +60,18 @@ DIRECTED = ("radar_position", "array_direction")
 """Attributes that are a place or a direction."""
 
 COUNTS = {"bounces": 0, "generation": 0, "parent": -1}
-"""Columns of whole numbers, and the smallest that each may hold."""
+"""Columns of whole numbers, and the smallest value of each."""
 
 MOST_BOUNCES = 1000
-"""A chain of more bounces is a mistake: every bounce costs some decibels."""
+"""Largest number of bounces of a chain; more must be a mistake, as every bounce costs some decibels."""
 
 
 IMAGE_DIMENSIONS = (("z", "y", "x"), ("y", "x"), ("range", "azimuth", "elevation"))
-"""Dimensions of a single image; leading ones, such as `frame`, number several images."""
+"""Dimensions of a single image; dimensions before them, such as `frame`, count several images."""
 
 
 def conform_attrs(attrs: dict[Any, Any]) -> None:
-    """Make texts of attributes that are texts, and drop settings of folding that none can be, in place."""
+    """Make texts of attributes that must be texts, and remove settings of folding with invalid values, in place."""
     for name, value in list(attrs.items()):
         if name in TEXTS and not isinstance(value, str):
             attrs[name] = "" if value is None or isinstance(value, float) or not np.size(value) else str(value)
@@ -82,7 +82,7 @@ def conform_attrs(attrs: dict[Any, Any]) -> None:
 
 
 def _drop_wrong_settings(attrs: dict[Any, Any]) -> None:
-    """Leave out what a setting cannot be, as where another version had no such setting."""
+    """Remove settings with values that this version does not allow."""
     from mirrorfold.folding import FoldSettings
 
     for name, rule in FoldSettings.rules().items():
@@ -96,7 +96,7 @@ def _drop_wrong_settings(attrs: dict[Any, Any]) -> None:
 
 
 def check_radar(attrs: Mapping[Any, Any], source: str) -> None:
-    """Refuse a place of the radar that is none.
+    """Refuse a position of the radar that is no valid number of metres.
 
     Raises
     ------
@@ -109,15 +109,15 @@ def check_radar(attrs: Mapping[Any, Any], source: str) -> None:
 
 
 def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None:
-    """Refuse facts of the measurement that none can be, in the attributes of an image or of a reconstruction.
+    """Refuse impossible facts about the measurement in the attributes of an image or of a reconstruction.
 
     Parameters
     ----------
     attrs : dict
     source : str
-        Names the file in the message.
+        Name of the file in the message.
     prefix : str
-        What the names begin with: a reconstruction calls those of its image ``image_...``.
+        Prefix of the names: in a reconstruction, attributes of its image are called ``image_...``.
 
     Raises
     ------
@@ -148,14 +148,14 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
 
 
 def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
-    """Refuse tables that lack some of their columns, places that are none, and columns that hold no numbers, or texts.
+    """Refuse tables that lack some of their columns, invalid places, and columns without the numbers or texts expected.
 
     Parameters
     ----------
     nodes : dict
         The groups of a reconstruction by their paths.
     source : str
-        Names the file in the message.
+        Name of the file in the message.
 
     Raises
     ------
@@ -185,11 +185,12 @@ def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
 
 
 def _has_numbers(held: xr.Dataset, name: str) -> bool:
+    """Whether a table has a column of floating-point numbers with this name."""
     return name in held.variables and held[name].dtype.kind == "f" and held[name].ndim == 1
 
 
 def _wrong(name: str, values: Any) -> str | None:
-    """What is wrong with a column; None where nothing is."""
+    """What is wrong with the values of a column, in words; None where nothing is."""
     if PLACES.fullmatch(name):
         return unplaced(values)
     if name in WORDS:
@@ -208,12 +209,13 @@ def _wrong(name: str, values: Any) -> str | None:
 
 
 def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
-    """The image, named ``image``, or a plain word on what is wrong with it.
+    """Check an image, and return it with the name ``image``.
 
     Raises
     ------
     InputError
-        With the first thing that is missing or wrong; `source` names the file in the message.
+        If the image is not valid. The message tells the first thing that is missing or wrong, and names the file as
+        `source` says.
     """
     if not isinstance(image, xr.DataArray):
         raise wrong_kind(source, image, "an image (xarray.DataArray) with coordinates, as focus returns")
@@ -236,7 +238,7 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
 
 
 def _check_axes(image: xr.DataArray, source: str) -> None:
-    """Refuse an image whose pixels have no place, or stand unevenly.
+    """Refuse an image whose pixels have no coordinates, or no equal steps.
 
     Raises
     ------
@@ -262,20 +264,21 @@ def _check_axes(image: xr.DataArray, source: str) -> None:
 
 
 def image_axes(image: xr.DataArray) -> tuple[str, ...]:
-    """The dimensions of a single image, without those that number images; none where it is not an image."""
+    """The dimensions of a single image, without those that count images; empty where it is no image."""
     return next((axes for axes in IMAGE_DIMENSIONS if image.dims[-len(axes) :] == axes), ())
 
 
 def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruction") -> xr.DataTree:
-    """The reconstruction, or a plain word on what is wrong with it.
+    """Check a reconstruction, and return it.
 
-    The places of the objects, and the frames of tables, are made coordinates where they are not: as variables they
-    would be hidden behind those of the pixels, which groups inherit from the root.
+    The places of the objects, and the frames of tables, are made coordinates where they are variables. As variables
+    they would be hidden by the coordinates of the pixels, which groups inherit from the root.
 
     Raises
     ------
     InputError
-        With the first thing that is missing or wrong; `source` names the file in the message.
+        If the reconstruction is not valid. The message tells the first thing that is missing or wrong, and names the
+        file as `source` says.
     """
     if not isinstance(reconstruction, xr.DataTree):
         raise wrong_kind(source, reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
@@ -330,4 +333,4 @@ RECONSTRUCTION: dict[str, dict[str, tuple[str, ...]]] = {
         ("mirror",),
     ),
 }
-"""What a reconstruction of a plan view holds: the dimensions of each variable, by group."""
+"""The variables that a reconstruction of a plan view must hold: the dimensions of each, by group."""

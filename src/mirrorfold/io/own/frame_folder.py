@@ -1,4 +1,4 @@
-"""Frames of a recording that are done, on disk, so that a run that was stopped goes on where it was."""
+"""The finished frames of a recording on disk, so that a run that was stopped can go on where it was."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ MARK = "frames.sha256"
 
 
 class FrameFolder(MutableMapping[int, xr.DataTree]):
-    """A folder with one Reconstruction for every frame that is done.
+    """A folder with one Reconstruction for every finished frame.
 
     Parameters
     ----------
     folder : path
-        Made when the first frame is done. Frames that were made of other inputs, or with other settings, are removed,
-        with a warning; those that are damaged are warned of and made again.
+        Made when the first frame is finished. Frames that were made from other inputs, or with other settings, are
+        removed with a warning; damaged frames give a warning and are made again.
     inputs : list of path
-        Files that the frames are made from.
+        Files from which the frames are made.
     settings : dict
-        How they are made.
+        Settings with which the frames are made.
 
     Raises
     ------
@@ -79,5 +79,5 @@ class FrameFolder(MutableMapping[int, xr.DataTree]):
         return len(self._done)
 
     def remove(self) -> None:
-        """Remove all frames, once the recording is written."""
+        """Remove all frames, as after the whole recording is written."""
         self._parts.remove()

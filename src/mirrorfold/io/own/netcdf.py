@@ -1,7 +1,7 @@
-"""The project's own files: netCDF-4 by way of h5netcdf, complex numbers stored natively.
+"""The project's own files: netCDF-4 by way of h5netcdf, with complex numbers stored natively.
 
-What a file holds is said by its attribute ``mirrorfold_kind``; a file without it that has a variable ``s`` counts as
-a sweep. An image, a `DataArray` in memory, is the variable ``image`` on disk.
+The attribute ``mirrorfold_kind`` tells what a file holds. A file without it that has a variable ``s`` counts as a
+sweep. An image, a `DataArray` in memory, is the variable ``image`` on disk.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from mirrorfold.io.readers.hdf5 import check_netcdf
 from mirrorfold.sweep import check_sweep
 
 KINDS = ("sweep", "image", "reconstruction")
+"""Values of ``mirrorfold_kind``."""
 
 GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
-"""What a sweep's plan needs to know of its file."""
+"""Variables of a sweep's file that suffice to plan its focusing."""
 
 REMEDY = "give a netCDF-4 file written by mirrorfold, or a sweep with a variable s(frequency, tx, rx)"
 
@@ -38,8 +39,10 @@ ENGINE: Any = "h5netcdf"
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether a file is of another tool, by its name or what it begins with; netCDF-4 files are ours unless they say
-    nothing of it and hold no samples.
+    """Whether a file is of another tool, by its suffix or its first bytes.
+
+    A netCDF-4 file is our own if it has the attribute ``mirrorfold_kind``, samples ``s`` or an ``image``; it is of
+    another tool if it has none of these but an array.
     """
     suffix = path.suffix.lower()
     if suffix != ".nc" and any(suffix in reader.suffixes for reader in readers().values()):
@@ -60,12 +63,12 @@ def is_foreign(path: Path) -> bool:
 
 
 def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
-    """A sweep, an image or a reconstruction from a netCDF-4 file, checked and in memory.
+    """Read a sweep, an image or a reconstruction from a netCDF-4 file, checked and in memory.
 
     Raises
     ------
     InputError
-        If the file is missing, broken, or holds something else.
+        If the file is missing, damaged, or holds something else.
     """
     content = _content(path)
     kind = content.attrs.get("mirrorfold_kind", "sweep" if "s" in content else None)
@@ -82,34 +85,34 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
 
 
 def read_geometry(path: Path) -> xr.Dataset:
-    """Frequencies, positions and attributes of a sweep's file, not its samples, unchecked: empty where it has none.
+    """Read frequencies, positions and attributes of a sweep's file, without its samples, and unchecked.
 
     Raises
     ------
     InputError
-        If the file is missing or broken.
+        If the file is missing or damaged.
     """
     return _content(path, only=GEOMETRY).to_dataset()
 
 
 def read_unchecked(path: Path) -> xr.Dataset:
-    """What stands at the root of a netCDF-4 file, in memory, whatever is wrong with it: to find out what is.
+    """Read the root group of a netCDF-4 file, unchecked, to find out what is wrong with it.
 
     Raises
     ------
     InputError
-        If the file is missing or broken.
+        If the file is missing or damaged.
     """
     return _content(path).to_dataset()
 
 
 def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
-    """The groups of a file, in memory; or of its root only the variables that are named.
+    """The groups of a file, in memory; with `only`, the variables of the root with these names.
 
     Raises
     ------
     InputError
-        If the file is missing or broken, or its content would fill the memory.
+        If the file is missing or damaged, or its content would fill the memory.
     """
     _check_is_hdf5(path)
     check_netcdf(path)
@@ -130,14 +133,14 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
 
 
 def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
-    """Write a sweep, an image or a reconstruction; returns the path.
+    """Write a sweep, an image or a reconstruction to a netCDF-4 file, and return its path.
 
     Raises
     ------
     InputError
-        If the object is not valid, or nothing can be written there.
+        If the object is not valid, or the file cannot be written.
     OSError
-        If the disk is full or fails; what was there before stays.
+        If the disk is full or fails; an older file stays as it was.
     """
     if isinstance(obj, xr.DataTree):
         content = check_reconstruction(obj)
@@ -156,7 +159,7 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
 
 
 def _least_size(content: xr.DataTree) -> int:
-    """Bytes that complex samples take, which are not compressed; the rest may shrink to nearly nothing."""
+    """Lower bound of the file's size: the bytes of complex arrays, which are not compressed, as others are."""
     return sum(
         variable.nbytes
         for node in content.subtree
@@ -166,7 +169,7 @@ def _least_size(content: xr.DataTree) -> int:
 
 
 def _check_is_hdf5(path: Path) -> None:
-    """Refuse what is not there, not a file, or not of the format that netCDF-4 is built on."""
+    """Refuse a path with no readable file, or with one that is not HDF5, the format on which netCDF-4 is based."""
     check_file(path, "give the path of a netCDF file")
     try:
         path.open("rb").close()
@@ -177,12 +180,12 @@ def _check_is_hdf5(path: Path) -> None:
 
 
 def _check_sizes(path: Path, only: Collection[str] | None) -> None:
-    """Refuse content that would not fit into the memory, or that the file cannot hold, before any of it is read.
+    """Refuse content that would not fit into the memory, or that the file is too small to hold, before it is read.
 
     Raises
     ------
     InputError
-        With its size, and what there is.
+        The message tells the size of the content, and what is available.
     """
     sizes: dict[str, int] = {}
 
@@ -197,8 +200,8 @@ def _check_sizes(path: Path, only: Collection[str] | None) -> None:
 
 
 def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
-    """The root of the file, and its groups where it is a reconstruction, in memory."""
-    with h5py.File(path) as file:  # h5netcdf complains twice, once on stderr, where it cannot read these
+    """The root of a file, with its groups if it is a reconstruction, in memory."""
+    with h5py.File(path) as file:  # fails here, as h5netcdf would print on stderr
         dict(file.attrs)
     with xr.open_dataset(path, engine=ENGINE, phony_dims="access") as root:
         if only is not None:
@@ -210,7 +213,7 @@ def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
 
 
 def _as_image(content: xr.Dataset, source: str) -> xr.DataArray:
-    """The image of an image file."""
+    """The image of an image file as a `DataArray`, with all attributes."""
     if "image" not in content:
         raise InputError(f"{source}: holds no variable 'image'; {REMEDY}")
     image = content["image"]
@@ -218,7 +221,7 @@ def _as_image(content: xr.Dataset, source: str) -> xr.DataArray:
 
 
 def _storable(content: xr.Dataset) -> xr.Dataset:
-    """A copy whose attributes netCDF can hold and whose variables forget how another file stored them."""
+    """A copy whose attributes netCDF can hold, and without the encodings of another file."""
     content = content.drop_encoding()
     content.attrs = {name: storable(value) for name, value in content.attrs.items()}
     for variable in content.variables.values():
@@ -227,7 +230,7 @@ def _storable(content: xr.Dataset) -> xr.Dataset:
 
 
 def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:
-    """Checksums for all large arrays; compression where it pays, which it does not for noisy complex samples."""
+    """Encodings of the variables: checksums for large arrays, and compression except for noisy complex samples."""
     encoding: dict[str, dict[str, Any]] = {}
     for name, variable in content.variables.items():
         if variable.size < SMALL or variable.dtype.kind not in "fciu":
@@ -241,7 +244,7 @@ def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:
 
 
 SMALL = 1000
-"""Arrays with fewer values are stored as they are."""
+"""Smallest number of values of an array that is stored with checksums and compression."""
 
 CHUNK_BYTES = 1 << 20
-"""Size of the blocks that large arrays are stored in, whole rows each."""
+"""Size of the blocks in which large arrays are stored, of whole rows each [bytes]."""

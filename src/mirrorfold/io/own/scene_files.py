@@ -1,4 +1,4 @@
-"""Scene files that are written: TOML that `mirrorfold.scenes.floor_plan.load_scene` reads back to the same scene."""
+"""Writing of scene files: TOML from which `mirrorfold.scenes.floor_plan.load_scene` reads the same scene."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from mirrorfold.scenes.solids import Scene3D
 
 
 def write_scene(scene: Scene | Scene3D, path: Path) -> Path:
-    """Write a scene file; returns its path.
+    """Write a scene file, and return its path.
 
-    Every entry is written, with what it is by default, so that the file stays the same scene. Points that a curve had
-    in a file of its own stand in the scene file. Meshes and tables of directions stay where they are.
+    Every entry is written, defaults included, so that the file stays the same scene if defaults change. Points that a
+    curve had in a file of its own are written into the scene file. Meshes and tables of directions stay in their files.
 
     Raises
     ------
     InputError
-        If it is no scene, nothing can be written there, or the name does not end in ``.toml``.
+        If `scene` is no scene, the file cannot be written, or its name does not end in ``.toml``.
     OSError
-        If the disk is full or fails; what was there before stays.
+        If the disk is full or fails; an older file stays as it was.
     """
     if not isinstance(scene, Scene | Scene3D):
         raise InputError(f"save: got a {type(scene).__name__}, expected a sweep, an image, a reconstruction or a scene")

@@ -1,4 +1,4 @@
-"""A file that never fails while a library writes to it, but says afterwards what went wrong."""
+"""A file that does not fail while a library writes to it, but reports a failure afterwards."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ from typing import Any
 
 
 class SteadyFile(io.FileIO):
-    """A new file for a library that does not survive a full disk, which the HDF5 library does not.
+    """A new file for a library that does not survive a full disk, such as the HDF5 library.
 
-    After the first failure it takes what is written and drops it. Leaving its context raises that failure, in place of
-    whatever the library has raised meanwhile. Signals must be held: their handlers may raise within the library, too.
+    After the first failure, everything that is written is dropped. When its context is left, the file raises this
+    failure, in place of whatever the library has raised meanwhile. Signals must be held, because their handlers may
+    raise within the library, too.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ class SteadyFile(io.FileIO):
         return size
 
     def truncate(self, size: int | None = None) -> int:
-        """Give the file another length, if that can be done."""
+        """Change the length of the file; a failure is kept for later."""
         try:
             return super().truncate(size)
         except Exception as error:
@@ -42,7 +43,7 @@ class SteadyFile(io.FileIO):
             return self.tell() if size is None else size
 
     def readinto(self, buffer: Any) -> int:
-        """What is in the file, and zeros where what was written has been dropped."""
+        """Read from the file into a buffer, with zeros beyond its end, where content was dropped."""
         view = memoryview(buffer).cast("B")
         found = super().readinto(view) or 0
         view[found:] = bytes(len(view) - found)

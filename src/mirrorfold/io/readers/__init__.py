@@ -1,8 +1,8 @@
-"""Measured data of any lab: one reader per file format, found by what a file begins with.
+"""Readers of measured data: one for each file format, found by the first bytes of a file.
 
-To add one, write a module here with ``READER = Reader(name, description, recognises, read)``, like `citi`, and put its
-name into `OWN`; what `read` returns is `Contents` (`contents`). Other packages add theirs by the entry point group
-``mirrorfold.readers``: each names a `Reader`.
+To add one, write a module here with ``READER = Reader(name, description, recognises, read)``, like `citi`, and add its
+name to `OWN`; `read` returns `Contents` (`contents`). Other packages add readers by entry points of the group
+``mirrorfold.readers``, each of which names a `Reader`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mirrorfold.io.readers.contents import Contents, Spectra, Variable, damaged
 ENTRY_POINT_GROUP = "mirrorfold.readers"
 
 HEAD_BYTES = 4096
-"""What `Reader.recognises` gets to see of a file."""
+"""Number of the first bytes of a file that `Reader.recognises` receives."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +32,16 @@ class Reader:
     Attributes
     ----------
     name : str
-        That users force it by.
+        Name by which users choose it.
     description : str
         One line.
     recognises : callable
-        Called with the path and the first bytes of the file; whether the file is of this format.
+        Called with the path and the first bytes of a file; returns whether the file is of this format.
     read : callable
         Called with the path; returns the `Contents`.
     suffixes : tuple of str
-        How names of such files usually end, in lower case: `mirrorfold.load` takes files by them, and nothing else is
-        saved under them.
+        Usual suffixes of such files, in lower case: `mirrorfold.load` reads files with them, and files of other formats
+        are not saved under them.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Reader:
 
 
 OWN = ("acconeer", "touchstone", "matlab", "hdf5", "netcdf3", "numpy_files", "citi", "cloud", "table")
-"""Modules with a `READER`, in the order in which they are asked: special ones before general ones."""
+"""Modules with a `READER`, in the order in which they are asked to recognise a file: special before general ones."""
 
 
 @cache
@@ -68,7 +68,7 @@ def readers() -> dict[str, Reader]:
     for point in entry_points(group=ENTRY_POINT_GROUP):
         try:
             reader = point.load()
-        except Exception as error:  # whatever the package of the reader raises
+        except Exception as error:  # other packages may raise anything
             raise InputError(f"the reader {point.name!r} of {point.value} cannot be loaded ({error})") from None
         if not isinstance(reader, Reader):
             raise InputError(f"the reader {point.name!r} of {point.value} is a {type(reader).__name__}, not a Reader")
@@ -80,12 +80,12 @@ def readers() -> dict[str, Reader]:
 
 
 def recognise(path: Path) -> Reader:
-    """The reader of a file, by what the file begins with and by its name.
+    """Find the reader of a file, by its first bytes and its name.
 
     Raises
     ------
     InputError
-        If there is no such file, it is empty, or no reader knows it.
+        If there is no such file, it is empty, or no reader recognises it.
     """
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the files in it, or the folder with --positions")
@@ -103,14 +103,14 @@ def recognise(path: Path) -> Reader:
                 return reader
         except InputError:
             raise
-        except Exception as error:  # those of other packages may raise whatever they like
+        except Exception as error:  # readers of other packages may raise anything
             raise damaged(path, error) from None
     names = ", ".join(readers())
     raise InputError(f"{path}: is of no format that is known ({names}); export it as one of these")
 
 
 def read_contents(path: str | Path, reader: str | None = None) -> Contents:
-    """What is in a file.
+    """Read the contents of a file.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def read_contents(path: str | Path, reader: str | None = None) -> Contents:
     Raises
     ------
     InputError
-        If the file cannot be read; nothing else is ever raised, whatever the bytes.
+        If the file cannot be read. No other error is raised, whatever the file contains.
     """
     path = Path(path)
     chosen = recognise(path)
@@ -136,7 +136,7 @@ def read_contents(path: str | Path, reader: str | None = None) -> Contents:
 
 
 def _with_printable_names(contents: Contents) -> Contents:
-    """The same with variables that people can name: bytes that are no text, and control characters, become a mark."""
+    """The contents with printable names of variables: other characters are replaced, and names stay distinct."""
     named: dict[str, Variable] = {}
     for name, variable in contents.variables.items():
         clean = printable(name)

@@ -1,7 +1,8 @@
-"""Sessions of Acconeer's A121 sensors (HDF5): complex samples against distance, frame by frame.
+"""Sessions of Acconeer's A121 sensors (HDF5): complex samples over distance, frame by frame.
 
-The distance of a point is its number times the base step, 2.5 mm; a session samples several stretches (subsweeps) with
-pulses and steps of their own. Source: Acconeer AB, "A121 Handbook" (2022), sections on sampling and on profiles.
+The distance of a point is its number times the base step, 2.5 mm. A session samples several stretches of range
+(subsweeps), each with its own pulse and step. Source: Acconeer AB, "A121 Handbook" (2022), sections on sampling and on
+profiles.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ CARRIER = 60.5e9
 FRAMES = "sessions.session_0.group_0.entry_0.result.frame"
 METADATA = "sessions.session_0.group_0.entry_0.metadata"
 CONFIG = "sessions.session_0.session_config"
-"""Where the first sensor of the first session is."""
+"""Names of the variables of the first sensor of the first session."""
 
 SUFFIXES = (".h5", ".hdf5")
 
 
 def read(path: Path) -> Contents:
-    """The first sensor of a session: ``iq(frame, range)``, against ``range`` [m], on the finest step throughout.
+    """Read the first sensor of a session: ``iq(frame, range)`` over ``range`` [m], in the finest of all steps.
 
-    Where stretches overlap, the one with the shorter pulse counts.
+    Where stretches overlap, the one with the finer step counts.
     """
     held = hdf5.read(path)
     for name in (FRAMES, METADATA, CONFIG):
@@ -62,7 +63,7 @@ def read(path: Path) -> Contents:
 
 
 def _json(path: Path, name: str, text: str) -> dict[str, Any]:
-    """An object that is stored as text."""
+    """A JSON object that is stored as text."""
     try:
         value = json.loads(text)
     except (ValueError, RecursionError):
@@ -75,7 +76,7 @@ def _json(path: Path, name: str, text: str) -> dict[str, Any]:
 def _stretches(
     path: Path, metadata: dict[str, Any], config: dict[str, Any], points: int
 ) -> list[tuple[slice, float, float]]:
-    """Of each stretch of ranges: which samples are its own, where it begins [m], and its step [m]."""
+    """For each stretch of ranges: the slice of its samples, its first range [m], and its step [m]."""
     try:
         base = float(metadata["base_step_length_m"])
         subsweeps = next(iter(config["groups"][0].values()))["subsweeps"]
@@ -101,14 +102,17 @@ def _stretches(
 
 
 FARTHEST = 100.0
-"""No sensor of this kind sees farther [m]."""
+"""Upper bound of the distances that these sensors measure [m]."""
 
 FINEST = 1e-3
-"""No sensor of this kind samples more finely [m]; the base step is 2.5 mm."""
+"""Lower bound of the steps of these sensors [m]; the base step is 2.5 mm."""
 
 
 def _joined(raw: NDArray[np.complex64], stretches: list[tuple[slice, float, float]]) -> tuple[NDArray, NDArray]:
-    """All stretches on one scale of equal steps, each interpolated linearly, which its long pulse allows."""
+    """Distances in equal steps [m], and the samples of all stretches on them, (frames, distances).
+
+    They are interpolated linearly, which is exact enough because the pulses are long. Finer stretches have precedence.
+    """
     step = min(step for _, _, step in stretches)
     begin = min(start for _, start, _ in stretches)
     end = max(start + stride * (part.stop - part.start - 1) for part, start, stride in stretches)
@@ -125,7 +129,7 @@ def _joined(raw: NDArray[np.complex64], stretches: list[tuple[slice, float, floa
 
 
 def recognises(path: Path, head: bytes) -> bool:
-    """Whether a file is a recorded session."""
+    """Whether a file is a recorded session of an A121 sensor."""
     if not head.startswith(hdf5.SIGNATURE) or path.suffix.lower() not in SUFFIXES:
         return False
     return {"generation", FRAMES} <= set(hdf5.read(path).variables)

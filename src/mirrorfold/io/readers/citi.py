@@ -26,7 +26,7 @@ SUFFIXES = (".cti", ".citi")
 
 @dataclass
 class _Package:
-    """One package: independent variables, and data against all of them."""
+    """One package of a CITI file: independent variables, and data over all of them."""
 
     sizes: dict[str, int] = field(default_factory=dict)
     values: dict[str, NDArray[np.float64]] = field(default_factory=dict)
@@ -35,7 +35,7 @@ class _Package:
 
 
 def read(path: Path) -> Contents:
-    """All packages of a CITI file; the data of the first are named as there, later ones with their number."""
+    """Read all packages of a CITI file; the names of the second and later packages end in ``#`` and their number."""
     text = read_bytes(path, growth=GROWTH).decode("latin-1")
     packages = [package for package in _packages(path, enumerate(text.splitlines(), 1), len(text)) if package.data]
     if not packages:
@@ -56,6 +56,7 @@ def read(path: Path) -> Contents:
 
 
 def _is_frequency(name: str) -> bool:
+    """Whether an independent variable is the frequency, by its name."""
     return name.upper().startswith("FREQ")
 
 
@@ -66,7 +67,7 @@ def _parameter(name: str) -> str:
 
 
 def _packages(path: Path, lines: Iterator[tuple[int, str]], most: int) -> Iterator[_Package]:
-    """The packages in turn; none has more samples than the file has letters."""
+    """The packages one after the other; one with more samples than `most`, the letters of the file, is refused."""
     package = _Package()
     for number, line in lines:
         words = line.split()
@@ -126,7 +127,7 @@ def _axis(path: Path, lines: Iterator[tuple[int, str]], start: int, size: int) -
 
 
 def _rows(path: Path, lines: Iterator[tuple[int, str]], start: int, end: str, size: int) -> NDArray[np.float64]:
-    """Pairs of numbers up to the line `end`, shape (size, 2)."""
+    """Pairs of numbers up to the line `end`, (size, 2); a missing second number is zero."""
     rows: list[tuple[float, float]] = []
     for number, line in lines:
         text = line.strip()
@@ -147,6 +148,7 @@ def _rows(path: Path, lines: Iterator[tuple[int, str]], start: int, end: str, si
 
 
 def _polar(rows: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Complex numbers from magnitudes and angles [degree], (n, 2)."""
     return np.asarray(rows[:, 0] * np.exp(1j * np.radians(rows[:, 1])))
 
 
@@ -157,10 +159,11 @@ FORMATS = {
     "DBANGLE": lambda rows: _polar(np.stack([10.0 ** (rows[:, 0] / 20.0), rows[:, 1]], axis=-1)),
     "DB": lambda rows: _polar(np.stack([10.0 ** (rows[:, 0] / 20.0), rows[:, 1]], axis=-1)),
 }
-"""How two numbers make a complex number; angles are in degrees."""
+"""Conversion of two numbers to a complex number, by format; angles are in degrees."""
 
 
 def _wrong(path: Path, number: int, line: str, expected: str) -> InputError:
+    """The error for a line that is not as expected."""
     return InputError(f"{path}: line {number} is {line.strip()[:60]!r}, expected {expected}")
 
 

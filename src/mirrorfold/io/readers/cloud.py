@@ -1,4 +1,4 @@
-"""Point clouds made by other tools: PLY (text or binary) and PCD (text or binary), points and what is known of each.
+"""Point clouds of other tools, PLY (text or binary) and PCD (text or binary): positions and properties of points.
 
 Sources: G. Turk, "The PLY Polygon File Format" (1994); R. B. Rusu and S. Cousins, "3D is here: Point Cloud Library
 (PCL)", IEEE International Conference on Robotics and Automation, 2011.
@@ -23,13 +23,13 @@ PLY_TYPES = {
 }  # fmt: skip
 
 HEADER_BYTES = 1 << 16
-"""A header is shorter."""
+"""Largest size of a header [bytes]."""
 
 SUFFIXES = (".ply", ".pcd")
 
 
 def read(path: Path) -> Contents:
-    """The points of a cloud, one variable for each property: ``x``, ``y``, ``z`` ..."""
+    """Read the points of a cloud, as one variable for each property: ``x``, ``y``, ``z`` ..."""
     raw = read_bytes(path, growth=8.0)
     columns = _ply(path, raw) if raw.startswith(b"ply") else _pcd(path, raw)
     if not {"x", "y"} <= set(columns):
@@ -38,7 +38,7 @@ def read(path: Path) -> Contents:
 
 
 def _header(path: Path, raw: bytes, end: bytes) -> tuple[list[list[str]], bytes]:
-    """The words of each line of the header, and what follows it."""
+    """The words of each line of the header, and the bytes that follow the header."""
     match = re.search(rb"^" + end + rb"[^\n]*\n", raw[:HEADER_BYTES], re.MULTILINE)
     if match is None:
         raise InputError(f"{path}: has no line {end.decode()!r}; the file is cut off within its header")
@@ -47,6 +47,7 @@ def _header(path: Path, raw: bytes, end: bytes) -> tuple[list[list[str]], bytes]
 
 
 def _ply(path: Path, raw: bytes) -> dict[str, NDArray]:
+    """The properties of the points of a PLY file."""
     lines, body = _header(path, raw, b"end_header")
     form, count, fields, elements = "", -1, [], []
     for words in lines:
@@ -69,6 +70,7 @@ def _ply(path: Path, raw: bytes) -> dict[str, NDArray]:
 
 
 def _pcd(path: Path, raw: bytes) -> dict[str, NDArray]:
+    """The fields of the points of a PCD file."""
     lines, body = _header(path, raw, b"DATA")
     said = {words[0].upper(): words[1:] for words in lines}
     names, sizes, kinds = (said.get(name, []) for name in ("FIELDS", "SIZE", "TYPE"))
@@ -86,13 +88,14 @@ def _pcd(path: Path, raw: bytes) -> dict[str, NDArray]:
 
 
 def _count(path: Path, word: str) -> int:
+    """The announced number of points."""
     if not word.isascii() or not word.isdigit() or len(word) > 18:
         raise InputError(f"{path}: announces {word[:40]!r} points, expected a number")
     return int(word)
 
 
 def _columns(path: Path, body: bytes, count: int, fields: list[tuple[str, str]], order: str) -> dict[str, NDArray]:
-    """One array for each field; `order` of bytes, empty for text."""
+    """One array for each field, given by name and type; `order` is the byte order, empty for text."""
     if len(dict(fields)) != len(fields):
         raise InputError(f"{path}: two properties of its points have the same name; write the cloud again")
     if not order:

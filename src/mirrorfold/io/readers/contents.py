@@ -1,7 +1,6 @@
-"""What a reader returns: named arrays, and the checks that keep hostile files from filling the memory.
+"""What a reader returns, named arrays, and the checks that keep hostile files from filling the memory.
 
-Sizes are read from headers and compared with what the file can hold and with the free memory, before anything is
-allocated.
+Before anything is allocated, sizes are read from headers, and compared with the size of the file and the free memory.
 """
 
 from __future__ import annotations
@@ -20,11 +19,11 @@ from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 
 HARMLESS_BYTES = 64 << 20
-"""What a file may expand to in any case."""
+"""Size to which any file may expand [bytes]."""
 
 LARGEST_EXPANSION = 200.0
-"""Larger than `HARMLESS_BYTES`, a file may expand by this factor: measured samples compress by less than ten, zip bombs
-by a thousand (the limit of the deflate algorithm is 1032)."""
+"""Largest factor by which a file may expand beyond `HARMLESS_BYTES`. Measured samples compress by less than ten, zip
+bombs by a thousand (the limit of the deflate algorithm is 1032)."""
 
 MEMORY_SHARE = 0.5
 """Share of the free memory that the content of one file may take."""
@@ -32,7 +31,7 @@ MEMORY_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Variable:
-    """An array in a file that need not have been read yet.
+    """An array in a file, which is read when it is needed.
 
     Attributes
     ----------
@@ -41,9 +40,9 @@ class Variable:
     load : callable
         Returns the array.
     dims : tuple of str
-        Names of its axes, where the file says them.
+        Names of its axes, where the file tells them.
     attrs : dict
-        What the file says of it, such as `units`.
+        Its attributes in the file, such as `units`.
     """
 
     shape: tuple[int, ...]
@@ -54,19 +53,19 @@ class Variable:
 
     @staticmethod
     def of(array: NDArray, dims: tuple[str, ...] = (), attrs: Mapping[str, Any] | None = None) -> Variable:
-        """A variable that is in memory."""
+        """A variable whose array is in memory already."""
         return Variable(array.shape, array.dtype, lambda: array, dims, attrs or {})
 
 
 @dataclass(frozen=True)
 class Spectra:
-    """Scattering parameters against frequency, as a network analyser writes them.
+    """Scattering parameters over frequency, as a network analyser writes them.
 
     Attributes
     ----------
     frequency : (frequencies,) array [Hz]
     parameters : dict of (frequencies,) complex arrays
-        By name, such as ``"S21"``.
+        Scattering parameters by name, such as ``"S21"``.
     """
 
     frequency: NDArray[np.float64]
@@ -83,13 +82,13 @@ class Contents:
     reader : str
         Name of the reader.
     variables : dict of Variable
-        By name; fields of structures and groups are joined by dots.
+        Variables by name; the names of structures or groups and their fields are joined by dots.
     attrs : dict
-        What the file says of itself.
+        Attributes of the file.
     spectra : Spectra, optional
-        Of files of a network analyser.
+        Scattering parameters, in files of a network analyser.
     mapping : dict, optional
-        What the variables mean, in the terms of a mapping file, where the format says it.
+        The content of a mapping file for the variables, where the format tells what they mean.
     """
 
     path: Path
@@ -100,7 +99,7 @@ class Contents:
     mapping: Mapping[str, Any] | None = None
 
     def not_understood(self) -> str:
-        """What of the headings of a table makes no samples, in words; empty where all do."""
+        """Which headings of a table are not understood, or lack the other part of samples, in words; else empty."""
         unknown, halves = self.attrs.get("unknown headings") or [], self.attrs.get("halves") or {}
         said = [f"holds the headings {listed(map(repr, unknown))}, which are not understood"] if unknown else []
         said += [f"holds {what} alone, {heading!r}, without the other part" for heading, what in halves.items()][:1]
@@ -131,14 +130,14 @@ class Contents:
 
 
 LISTED = 12
-"""Number of names that a message lists."""
+"""Largest number of names that a message lists."""
 
 LONGEST_NAME = 40
-"""Characters of each."""
+"""Largest number of characters of each."""
 
 
 def listed(names: Iterable[str]) -> str:
-    """A few names for a message, which has to fit on one screen.
+    """The first few names, for a message that has to fit on one screen.
 
     Examples
     --------
@@ -151,7 +150,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def nbytes(shape: tuple[int, ...], itemsize: int) -> int:
-    """Size of an array [bytes], without overflow."""
+    """Size of an array [bytes], as a Python integer, which does not overflow."""
     size = int(itemsize)
     for length in shape:
         size *= int(length)
@@ -159,7 +158,7 @@ def nbytes(shape: tuple[int, ...], itemsize: int) -> int:
 
 
 def check_memory(path: Path, size: float, what: str = "its content") -> None:
-    """Refuse what does not fit into the free memory.
+    """Refuse content of `size` bytes that does not fit into the free memory.
 
     Raises
     ------
@@ -174,7 +173,7 @@ def check_memory(path: Path, size: float, what: str = "its content") -> None:
 
 
 def check_expansion(path: Path, stored: float, size: float, what: str = "its content") -> None:
-    """Refuse what would grow from a few stored bytes to very many, and what does not fit into the memory.
+    """Refuse content that expands too much from `stored` to `size` bytes, or does not fit into the memory.
 
     Raises
     ------
@@ -189,12 +188,12 @@ def check_expansion(path: Path, stored: float, size: float, what: str = "its con
 
 
 def read_bytes(path: Path, *, growth: float = 1.0) -> bytes:
-    """All bytes of a file whose content takes `growth` times its size in memory.
+    """Read all bytes of a file whose content takes `growth` times its size in memory.
 
     Raises
     ------
     InputError
-        If it is empty, cannot be read, or does not fit into the memory.
+        If the file is empty, cannot be read, or does not fit into the memory.
     """
     check_file(path, "check the path, and give a file")
     try:
@@ -208,6 +207,6 @@ def read_bytes(path: Path, *, growth: float = 1.0) -> bytes:
 
 
 def damaged(path: Path, error: BaseException) -> InputError:
-    """An error that a library has raised, in one sentence."""
+    """An error that a library has raised for a damaged file, as an `InputError` of one sentence."""
     reason = " ".join(str(error).split())[:200] or type(error).__name__
     return InputError(f"{path}: is damaged or not of the format it seems to be ({reason}); copy or export it again")

@@ -1,7 +1,7 @@
-"""HDF5 files of any origin: MATLAB 7.3, netCDF-4, and whatever instruments write.
+"""HDF5 files of any origin: MATLAB 7.3, netCDF-4, and files of instruments.
 
-Links to other files, and data that lie in other files, are refused: a file may only show what is in it. The library
-itself runs in a process of its own (`hdf5_process`), because damaged files can crash it and make it run forever.
+Links to other files, and data in other files, are refused: a file may only show what is in it. The HDF5 library runs in
+a process of its own (`hdf5_process`), because damaged files can crash it or make it run for ever.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 COMPLEX_FIELDS = (("real", "imag"), ("r", "i"), ("re", "im"))
-"""Names that complex numbers have as compounds: of MATLAB 7.3, of h5py and h5netcdf, and others."""
+"""Names of real and imaginary part in compound types: of MATLAB 7.3, of h5py and h5netcdf, and of others."""
 
 PATIENCE = 20.0
-"""How long the library may take to say what is in a file [s], on a slow network too."""
+"""Longest time that the library may take to list the content of a file, also on a slow network [s]."""
 
 SLOWEST = 10e6
-"""Slowest reading of values that is waited for [bytes/s]."""
+"""Slowest rate of reading for which is waited [bytes/s]."""
 
 SUFFIXES = (".h5", ".hdf5", ".he5")
 
 
 class _Library:
-    """The process with the library: it is started when needed, again when it has died, and ends with this process."""
+    """The process that runs the library. It is started when needed, or when it has died, and ends with this process."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -47,13 +47,14 @@ class _Library:
         atexit.register(self._stop)
 
     def start(self) -> None:
-        """Start the process, if it does not run."""
+        """Start the process, if it does not run yet."""
         with self._lock:
             self._start()
 
     def _start(self) -> subprocess.Popen[bytes]:
+        """The process, which is started if it does not run yet."""
         if self._process is None:
-            # What this process may import, that one may too.
+            # The process can import from the same places as this one.
             environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "mirrorfold.io.readers.hdf5_process"],
@@ -62,15 +63,15 @@ class _Library:
         return self._process
 
     def ask(self, question: dict[str, Any], expected: int = 0) -> tuple[dict[str, Any], bytearray]:
-        """The answer to a question, and the bytes that follow it.
+        """The answer to a question, and the bytes that follow it; `expected` is about their number.
 
         Raises
         ------
         InputError
-            If the library dies of the file twice, or takes too long.
+            If the library crashes twice, or takes too long.
         """
         with self._lock:
-            for _ in range(2):  # a process that an earlier file has harmed is no reason to refuse this one
+            for _ in range(2):  # the first failure may come from an earlier file
                 try:
                     return self._ask(question, PATIENCE + expected / SLOWEST)
                 except TimeoutError:
@@ -82,6 +83,7 @@ class _Library:
         raise InputError(f"{question['path']}: is damaged so that it stops the HDF5 library; copy or export it again")
 
     def _ask(self, question: dict[str, Any], patience: float) -> tuple[dict[str, Any], bytearray]:
+        """The answer to a question; the process is killed, with a TimeoutError, after `patience` seconds."""
         process, late = self._start(), threading.Event()
 
         def end() -> None:
@@ -102,7 +104,7 @@ class _Library:
 
     @staticmethod
     def _talk(process: subprocess.Popen[bytes], question: dict[str, Any]) -> tuple[dict[str, Any], bytearray]:
-        """Ask and listen, for as long as the process lives."""
+        """Send a question to the process, and read the answer."""
         assert process.stdin is not None
         assert process.stdout is not None
         process.stdin.write(json.dumps(question).encode() + b"\n")
@@ -120,6 +122,7 @@ class _Library:
         return answer, body
 
     def _stop(self) -> None:
+        """End the process, if it runs."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -134,19 +137,19 @@ _library = _Library()
 
 
 def prepare() -> None:
-    """Start the process with the library, for whoever will soon read a file."""
+    """Start the process with the library, because a file will be read soon."""
     _library.start()
 
 
 def check_netcdf(path: Path) -> None:
-    """Refuse a file before the library opens it here: every netCDF-4 file passes this gate.
+    """Check a netCDF-4 file before the library opens it in this process.
 
     Raises
     ------
     InputError
-        If the file would take down, or never release, whoever opens it; if it shows data of other files, by external
-        links, external storage or virtual arrays; if its groups are no tree; if its texts would fill the
-        memory; if it is damaged.
+        If the file would crash or block the process that opens it; if it shows data of other files, by external links,
+        external storage or virtual arrays; if its groups are no tree; if its texts would fill the memory; if it is
+        damaged.
     """
     state = path.stat()
     answer = _checked(str(path.absolute()), state.st_mtime_ns, state.st_size)
@@ -156,17 +159,17 @@ def check_netcdf(path: Path) -> None:
 
 @lru_cache(maxsize=16)
 def _checked(path: str, changed: int, size: int) -> dict[str, Any]:
-    """What the process of the library says of a netCDF file, asked once as long as the file does not change."""
+    """The answer of the library's process about a netCDF file, which is asked once as long as the file is the same."""
     return _library.ask({"path": path, "netcdf": True})[0]
 
 
 def _check_answer(path: Path, answer: dict[str, Any]) -> None:
-    """Refuse what the process of the library refuses.
+    """Refuse a file that the library's process refuses.
 
     Raises
     ------
     InputError
-        In its words.
+        With the reason in the answer.
     """
     if "refused" in answer:
         raise InputError(f"{path}: {answer['refused']}")
@@ -175,9 +178,9 @@ def _check_answer(path: Path, answer: dict[str, Any]) -> None:
 
 
 def read(path: Path) -> Contents:
-    """All arrays of an HDF5 file, read when they are asked for; groups are joined by dots.
+    """Read an HDF5 file: all its arrays, each of which is read when it is needed; groups are joined by dots.
 
-    Arrays of MATLAB 7.3 files, which are stored with their axes reversed, have them as MATLAB shows them.
+    MATLAB 7.3 stores arrays with reversed axes; here they have the order in which MATLAB shows them.
     """
     path = Path(path)
     answer, _ = _library.ask({"path": str(path.absolute())})
@@ -193,7 +196,7 @@ def read(path: Path) -> Contents:
 
 
 def _variable(path: Path, entry: dict[str, Any], *, matlab: bool) -> Variable | None:
-    """An array that the process of the library reads when it is asked for; None for what holds no numbers."""
+    """An array that the library's process reads when it is needed; None for one that holds no numbers."""
     if "text" in entry:
         return Variable.of(np.array(entry["text"]))
     name, shape, stored = entry["name"], tuple(entry["shape"]), max(entry["stored"], 1)
@@ -223,12 +226,12 @@ def _variable(path: Path, entry: dict[str, Any], *, matlab: bool) -> Variable | 
 
 
 def _field(field: list[Any]) -> tuple[Any, ...]:
-    """A field of a compound type, whose tuples JSON has made lists."""
+    """A field of a compound type, with the tuples that JSON has turned into lists."""
     return tuple(tuple(part) if isinstance(part, list) and n != 1 else part for n, part in enumerate(field))
 
 
 def complex_fields(dtype: np.dtype) -> tuple[str, str] | None:
-    """The names of real and imaginary part of a compound type that stands for complex numbers."""
+    """The names of real and imaginary part, if a compound type represents complex numbers; else None."""
     for real, imaginary in COMPLEX_FIELDS:
         if (
             dtype.names is not None
@@ -248,7 +251,7 @@ def to_complex(values: NDArray, fields: tuple[str, str]) -> NDArray:
 
 
 def recognises(path: Path, head: bytes) -> bool:
-    """Whether a file has the signature of HDF5, at its beginning or after a block of the user's."""
+    """Whether a file has the signature of HDF5, at its beginning or after a user block."""
     if head[:8] == SIGNATURE or any(head[at : at + 8] == SIGNATURE for at in (512, 1024, 2048)):
         return True
     if path.suffix.lower() in SUFFIXES or head[:19] == b"MATLAB 7.3 MAT-file":

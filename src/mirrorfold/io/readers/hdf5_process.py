@@ -1,8 +1,8 @@
-"""The process that opens HDF5 files first: a damaged one may crash or hang the library, and takes only it along.
+"""The process that opens HDF5 files first, so that a damaged file that crashes or blocks the library harms only it.
 
-It is asked by one JSON object in a line of its input - ``{"path": ..., "name": ...}`` for an array, without a name for
-what the file holds, ``{"path": ..., "netcdf": true}`` for whether it may be opened as netCDF - and answers with one in
-a line of its output, followed by the bytes of the array.
+A question is a JSON object in one line of its input: ``{"path": ..., "name": ...}`` asks for an array, without a name
+for a list of the content, ``{"path": ..., "netcdf": true}`` whether the file may be opened as netCDF. The answer is a
+JSON object in one line of its output, followed by the bytes of the array.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from mirrorfold.io.readers.contents import nbytes
 from mirrorfold.io.readers.hdf5_varying import Budget, RefusedError, varies
 
 MOST_OBJECTS = 100_000
-"""Groups and arrays in one file; a file with more is damaged or made to keep the reader busy."""
+"""Largest number of groups and arrays in a file; one with more is damaged, or made to keep the reader busy."""
 
 TEXT_BYTES = 1 << 20
-"""Longer texts are not read."""
+"""Largest number of characters that are kept of a text."""
 
 SMALL_BYTES = 1 << 20
-"""Arrays up to this size are read to see whether that is survived."""
+"""Largest size of arrays that are read to see whether the library survives it [bytes]."""
 
 UNITS = ("units", "unit", "long_name")
-"""Attributes of arrays that matter."""
+"""Attributes of arrays that are kept."""
 
 
 def survey(path: str) -> dict[str, Any]:
-    """What a file holds: its arrays with shape, type, names of axes and size on disk, and its attributes."""
+    """The content of a file: its arrays with shape, type, names of axes and size on disk, and its attributes."""
     with open(path, "rb") as raw:
         matlab = raw.read(19) == b"MATLAB 7.3 MAT-file"
     found, budget = [], Budget(os.path.getsize(path))
@@ -54,17 +54,17 @@ def survey(path: str) -> dict[str, Any]:
 
 
 def check_netcdf(path: str) -> int:
-    """Touch all that whoever reads a netCDF file touches, small arrays included, as far as it can be read.
+    """Read everything that a reader of netCDF files reads, small arrays included, to see whether the library survives.
 
     Returns
     -------
     int [bytes]
-        What its texts and rows of variable length take in memory.
+        Memory that the texts and rows of variable length take.
 
     Raises
     ------
     RefusedError
-        If it refers to other files, its groups are no tree, which those who walk through them might never leave, or its
+        If the file refers to other files, its groups are no tree, so that a walk through them might never end, or its
         texts would fill the memory.
     """
     budget = Budget(os.path.getsize(path))
@@ -91,18 +91,18 @@ def check_netcdf(path: str) -> int:
                     _touch(name, item, budget)
                 except RefusedError:
                     raise
-                except Exception:  # whoever reads it says what is wrong
+                except Exception:  # reported when the array is read
                     continue
     return budget.taken
 
 
 def own_links(file: h5py.File) -> list[str]:
-    """The names of all that is in a file; bytes that are no UTF-8 are surrogates.
+    """The names of all links in a file; bytes that are no UTF-8 become surrogates.
 
     Raises
     ------
     RefusedError
-        If one of them leads to another file, or there are too many.
+        If a link leads to another file, or there are too many.
     """
     links: list[str] = []
     foreign: list[str] = []
@@ -120,17 +120,17 @@ def own_links(file: h5py.File) -> list[str]:
 
 
 def _stored(name: str) -> bytes:
-    """A name as the file has it."""
+    """The bytes of a name, as they are in the file."""
     return name.encode("utf-8", "surrogateescape")
 
 
 def _is_utf8(name: str) -> bool:
-    """Whether a name has none of the bytes that `own_links` makes surrogates of."""
+    """Whether a name is UTF-8 in the file: it has no surrogates, into which `own_links` turns other bytes."""
     return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
 def _item(file: h5py.File, name: str) -> Any:
-    """A group or an array by its name; where that is no UTF-8, h5py does not find it by itself."""
+    """A group or an array by its name; for names that are no UTF-8, which h5py does not find, only an array."""
     if _is_utf8(name):
         return file[name]
     found = h5py.h5o.open(file.id, _stored(name))
@@ -138,12 +138,12 @@ def _item(file: h5py.File, name: str) -> Any:
 
 
 def check_own_values(name: str, dataset: h5py.Dataset) -> None:
-    """Refuse an array whose values the library would fetch from elsewhere: any file that the user may read.
+    """Refuse an array whose values are in another file, which could be any file that the user may read.
 
     Raises
     ------
     RefusedError
-        With the name of the array.
+        If so; the message tells the name of the array.
     """
     if dataset.external or dataset.is_virtual:
         raise RefusedError(f"the values of {name!r} lie in another file; copy the data into one file")
@@ -171,9 +171,9 @@ def _touch(name: str, dataset: h5py.Dataset, budget: Budget) -> None:
 
 
 def _described(name: str, dataset: h5py.Dataset, budget: Budget) -> dict[str, Any] | None:
-    """What is to be known of an array; None for what holds no numbers or text."""
+    """Facts about an array, or its text; None for one that holds neither numbers nor text."""
     shape, dtype = dataset.shape, dataset.dtype
-    if shape is None or name.startswith("#"):  # an empty array, or what MATLAB keeps for itself
+    if shape is None or name.startswith("#"):  # no values, or internal to MATLAB
         return None
     entry: dict[str, Any] = {"name": name, "shape": list(map(int, shape)), "matlab": "MATLAB_class" in dataset.attrs}
     if h5py.check_string_dtype(dtype) is not None:
@@ -194,11 +194,12 @@ def _described(name: str, dataset: h5py.Dataset, budget: Budget) -> dict[str, An
 
 
 def _text(name: bytes | str) -> str:
+    """A text that may be bytes in UTF-8."""
     return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
 
 
 def _attr(attrs: Any, name: str, budget: Budget) -> str | float | None:
-    """An attribute that is a short text or a number.
+    """An attribute that is a text or a number; None for any other.
 
     Raises
     ------
@@ -213,7 +214,7 @@ def _attr(attrs: Any, name: str, budget: Budget) -> str | float | None:
         RuntimeError,
         TypeError,
         ValueError,
-    ):  # of a type that h5py does not know: it says nothing
+    ):  # of a type that h5py does not know
         return None
     value = value.item() if isinstance(value, np.ndarray | np.generic) and np.size(value) == 1 else value
     if isinstance(value, bytes | str):
@@ -222,7 +223,7 @@ def _attr(attrs: Any, name: str, budget: Budget) -> str | float | None:
 
 
 def serve() -> None:
-    """Answer until there are no more questions."""
+    """Answer questions until the input ends."""
     questions, answers = sys.stdin.buffer, sys.stdout.buffer
     for line in questions:
         asked, body = json.loads(line), np.empty(0, np.uint8)

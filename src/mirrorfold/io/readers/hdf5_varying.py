@@ -1,4 +1,4 @@
-"""Texts and rows of variable length in HDF5 files: many may share one place in the file, and are long in memory."""
+"""Limit on texts and rows of variable length in HDF5 files: many may share the same bytes, and expand in memory."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ import numpy as np
 from mirrorfold.io.readers.contents import HARMLESS_BYTES, LARGEST_EXPANSION
 
 OBJECT_BYTES = 64
-"""What a text or a row takes in memory beside its content."""
+"""Memory that a text or a row takes in addition to its content [bytes]."""
 
 
 class RefusedError(Exception):
-    """What is in a file must not be read; the sentence says why."""
+    """A file must not be read; the message says why."""
 
 
 class Budget:
-    """What all texts and rows of variable length in a file may take in memory.
+    """The memory that all texts and rows of variable length in a file may take.
 
-    None of them is longer than the file. So many are read at once that even the longest ones fit.
+    None of them is longer than the file. Only so many are read at once that they fit even if all are as long.
 
     Parameters
     ----------
     size : int [bytes]
-        Of the file.
+        Size of the file.
     """
 
     def __init__(self, size: int) -> None:
@@ -41,7 +41,7 @@ class Budget:
         Raises
         ------
         RefusedError
-            If it is a long list of texts, or with what was read before it takes too much memory.
+            If it is a long list of texts, or takes too much memory together with what was read before.
         """
         described = attrs.get_id(name)
         varying = varies(described.dtype)
@@ -53,17 +53,18 @@ class Budget:
         return value
 
     def read(self, name: str, dataset: h5py.Dataset) -> None:
-        """Read an array of texts or rows, to see what they take.
+        """Read an array of texts or rows, to see how much memory it takes.
 
         Raises
         ------
         RefusedError
-            If it takes too much memory, with what was read before.
+            If it takes too much memory together with what was read before.
         """
         for block in _blocks(dataset.shape, self._at_once):
             self._add(dataset[block], f"variable {name!r}")
 
     def _add(self, value: Any, what: str) -> None:
+        """Count the memory of a value, and refuse the file where the sum exceeds the limit."""
         self.taken += _weight(value)
         if self.taken > self.limit:
             raise RefusedError(
@@ -73,12 +74,12 @@ class Budget:
 
 
 def varies(dtype: np.dtype) -> bool:
-    """Whether values of a type have no fixed length.
+    """Whether values of a type have a variable length.
 
     Raises
     ------
     RefusedError
-        If they are parts of records or of other rows, which no measurement needs.
+        If such values are parts of records or of other rows, which no measurement needs.
     """
     text, row = h5py.check_string_dtype(dtype), h5py.check_vlen_dtype(dtype)
     if text is not None:
@@ -92,7 +93,7 @@ def varies(dtype: np.dtype) -> bool:
 
 
 def _blocks(shape: tuple[int, ...], at_once: int) -> Iterator[tuple[Any, ...]]:
-    """Slices that together cover an array, with at most so many values each."""
+    """Slices that together cover an array, with at most `at_once` values each."""
     if not shape:
         yield ()
         return
@@ -102,7 +103,7 @@ def _blocks(shape: tuple[int, ...], at_once: int) -> Iterator[tuple[Any, ...]]:
 
 
 def _weight(value: Any) -> int:
-    """Bytes that a value takes."""
+    """Memory that a value takes [bytes]."""
     if isinstance(value, np.ndarray):
         return value.nbytes + (sum(map(_weight, value.flat)) if value.dtype.hasobject else 0)
     return OBJECT_BYTES + (len(value) if isinstance(value, bytes | str) else 0)

@@ -1,8 +1,8 @@
 """MATLAB files of versions 5 to 7, the format that ``save`` writes by default.
 
-A parser of our own, because sizes must be checked before anything is allocated; it knows numbers (complex too), text,
-structures and cells, and passes over objects and functions, which are never executed. Source: MathWorks, "MAT-File
-Format", R2021b, chapter 1. Files of version 7.3 are HDF5.
+It has a parser of its own, because sizes must be checked before anything is allocated. The parser reads numbers
+(complex too), texts, structures and cells, and skips objects and functions, which are never executed. Source:
+MathWorks, "MAT-File Format", R2021b, chapter 1. Files of version 7.3 are HDF5.
 """
 
 from __future__ import annotations
@@ -21,17 +21,19 @@ from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, 
 
 HEADER_BYTES = 128
 DEEPEST = 32
-"""Structures in structures; a file that nests deeper is not made by measuring."""
+"""Largest number of levels of nested structures; no measurement needs more."""
 
 MATRIX, COMPRESSED = 14, 15
+"""Types of elements that hold an array, and a compressed element."""
 
 STORAGE = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
     16: "u1", 17: "u2", 18: "u4",
 }  # fmt: skip
-"""Types in which values are stored, by the number of the element; the last three are UTF-8, UTF-16 and UTF-32."""
+"""Types in which values are stored, by the type of the element; the last three are UTF-8, UTF-16 and UTF-32."""
 
 CELL, STRUCT, TEXT = 1, 2, 4
+"""Classes of arrays that hold no numbers."""
 
 NUMERIC = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 """Types of arrays by the number of their class."""
@@ -49,12 +51,15 @@ class _Stream:
     at: int = 0
 
     def left(self) -> int:
+        """Number of bytes that are left."""
         return len(self.data) - self.at
 
     def fail(self, what: str) -> InputError:
+        """An error about damage at the reading position."""
         return InputError(f"{self.path}: is damaged: {what} near byte {self.at}; copy or export it again")
 
     def take(self, size: int) -> memoryview:
+        """The next `size` bytes."""
         if size > self.left():
             raise self.fail(f"{size} bytes are announced and {self.left()} are left")
         part = self.data[self.at : self.at + size]
@@ -62,7 +67,7 @@ class _Stream:
         return part
 
     def element(self) -> tuple[int, memoryview]:
-        """Number of the type and bytes of the next element."""
+        """Type and bytes of the next element."""
         first = int(np.frombuffer(self.take(4), self.order + "u4")[0])
         if first >> 16:  # a small element holds its bytes in the place of the size
             kind, size = first & 0xFFFF, first >> 16
@@ -87,7 +92,7 @@ class _Stream:
 
 
 def read(path: Path) -> Contents:
-    """All variables of a MATLAB file of version 5 to 7; fields of structures are named ``data.field``."""
+    """Read all variables of a MATLAB file of version 5 to 7; fields of structures are named ``data.field``."""
     raw = read_bytes(path)
     if len(raw) < HEADER_BYTES + 8:
         raise InputError(f"{path}: is cut off after {len(raw)} bytes, within the header; copy it again")
@@ -109,7 +114,10 @@ def read(path: Path) -> Contents:
 
 
 def _inflate(path: Path, part: memoryview, order: str, before: int, stored: int) -> bytes:
-    """The element inside a compressed element, no longer than its header announces."""
+    """The content of a compressed element, read up to the size that its header announces.
+
+    `before` is the size of what was expanded before, `stored` that of the file.
+    """
     unpacker = zlib.decompressobj()
     try:
         head = unpacker.decompress(part, 8)
@@ -123,7 +131,7 @@ def _inflate(path: Path, part: memoryview, order: str, before: int, stored: int)
 
 
 def _matrix(stream: _Stream, name: str, variables: dict[str, Variable], depth: int) -> None:
-    """Add an array, or what a structure or cell holds, to the variables."""
+    """Add an array, or the content of a structure or cell, to the variables."""
     if depth > DEEPEST:
         raise stream.fail(f"structures are nested deeper than {DEEPEST}")
     if not stream.left():  # an empty field of a structure
@@ -162,7 +170,7 @@ def _matrix(stream: _Stream, name: str, variables: dict[str, Variable], depth: i
 def _compound(
     stream: _Stream, name: str, number: int, shape: tuple[int, ...], variables: dict[str, Variable], depth: int
 ) -> None:
-    """What a structure or a cell array holds; where it has several elements, they are numbered from zero."""
+    """Add the content of a structure or a cell array to the variables; several elements are numbered from zero."""
     fields = [""]
     if number == STRUCT:
         length = stream.numbers()

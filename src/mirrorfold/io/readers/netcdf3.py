@@ -12,19 +12,20 @@ from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Variable, read_bytes
 
 RECORDS_AT = 4
-"""Where the header says how many records there are."""
+"""Byte of the header at which the number of records is stored."""
 
 STREAMING = b"\xff\xff\xff\xff"
+"""Number of records of a file that was not closed."""
 
 
 def read(path: Path) -> Contents:
-    """All arrays of a classic netCDF file."""
+    """Read all arrays of a classic netCDF file."""
     from scipy.io import netcdf_file
 
     raw = read_bytes(path, growth=3.0)
     if raw[RECORDS_AT : RECORDS_AT + 4] == STREAMING:
         raise InputError(f"{path}: was not closed when it was written; its number of records is missing")
-    # In memory, because reads beyond the end are then cut off before anything is allocated.
+    # Read from memory, because reads beyond its end are cut off before anything is allocated.
     with netcdf_file(io.BytesIO(raw), "r", mmap=False) as file:
         variables = {
             str(name): Variable.of(
@@ -42,6 +43,7 @@ def read(path: Path) -> Contents:
 
 
 def _text(value: bytes | str) -> str:
+    """An attribute that may be bytes in UTF-8 as text."""
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 

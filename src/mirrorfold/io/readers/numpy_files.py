@@ -1,4 +1,4 @@
-"""NumPy files: ``.npy`` and ``.npz``, never those with pickled objects, which could run anything."""
+"""NumPy files, ``.npy`` and ``.npz``, without pickled objects, which could run any program."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ ZIP, NPY = b"PK\x03\x04", b"\x93NUMPY"
 MOST_MEMBERS = 10_000
 
 HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-"""What reads the header, by version of the format."""
+"""Functions that read the header, by version of the format."""
 
 SUFFIXES = (".npy", ".npz")
 
 
 def read(path: Path) -> Contents:
-    """The array of an ``.npy`` file, named ``array``, or all arrays of an ``.npz`` file."""
+    """Read the array of an ``.npy`` file, named ``array``, or all arrays of an ``.npz`` file."""
     raw = read_bytes(path, growth=2.0)
     if raw.startswith(NPY):
         return Contents(path, READER.name, _variables("array", _array(path, "array", io.BytesIO(raw), len(raw))))
@@ -51,7 +51,7 @@ def read(path: Path) -> Contents:
 
 
 def _array(path: Path, name: str, file: IO[bytes], size: int) -> NDArray:
-    """The array of one file of `size` bytes at most."""
+    """The array of a file of at most `size` bytes, its header included."""
     try:
         version = npy.read_magic(file)
         if version not in HEADERS:
@@ -76,7 +76,7 @@ def _array(path: Path, name: str, file: IO[bytes], size: int) -> NDArray:
 
 
 def _variables(name: str, values: NDArray) -> dict[str, Variable]:
-    """An array as a variable; a structured array as a variable for each field."""
+    """An array as one variable; a structured array as one variable for each field."""
     fields = complex_fields(values.dtype)
     if fields is not None:
         values = to_complex(values, fields)

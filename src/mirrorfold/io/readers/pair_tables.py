@@ -1,9 +1,10 @@
-"""Text tables of whole sweeps: wide, a column for each pair of antennas, and long, a line for each sample.
+"""Text tables of whole sweeps: wide ones, with a column for each pair of antennas, and long ones, with a line for each
+sample.
 
-Wide tables are read like any spectra, with headings such as ``S_3_12`` for receiver 3 and transmitter 12. Long ones
-have a line for each frequency and pair, ``freq, tx, rx, re, im``, where tx and rx are numbers, or coordinates such as
-``tx_x_mm, rx_x_mm``; or the places of one moving antenna, ``x_mm, y_mm``, or the directions of a beam, ``azimuth_deg,
-elevation_deg``. Any of them becomes the samples ``s`` and the row ``frequency`` [Hz].
+Wide tables are read like any spectra, with headings such as ``S_3_12`` for receiver 3 and transmitter 12. Long tables
+have a line for each frequency and pair, ``freq, tx, rx, re, im``. There tx and rx are numbers, or coordinates such as
+``tx_x_mm, rx_x_mm``. Instead of pairs, a table may have places of one moving antenna, ``x_mm, y_mm``, or directions of
+a beam, ``azimuth_deg, elevation_deg``. All of them become samples ``s`` and a row ``frequency`` [Hz].
 """
 
 from __future__ import annotations
@@ -31,27 +32,27 @@ COORDINATE = re.compile(r"^(tx|rx)_?([xyz])(?:[_ ]*[\[(]?\s*(\w+?)\s*[\])]?)?$")
 ALONE = re.compile(
     r"^(?:(?:antenna|position|pos)_?)?([xyz]|az(?:imuth)?|el(?:evation)?)(?:[_ ]+(\w+)|\s*[\[(]\s*(\w+)\s*[\])])?$"
 )
-"""A coordinate of one moving antenna, or an angle of a beam, with its unit."""
+"""Heading of a coordinate of one moving antenna, or of an angle of a beam, with its unit."""
 
 PARAMETER = re.compile(r"^S(\d+),(\d+)$|^S(\d)(\d)$")
 
 PLACE_DIGITS = 9
-"""Places that agree to so many digits after the point [m] are one: a nanometre, far below any wavelength here."""
+"""Digits after the point to which places [m] must agree to be the same: to a nanometre, far below any wavelength."""
 
 
 @dataclass
 class Pairs:
-    """What a table of pairs holds.
+    """The content of a table of pairs, of positions or of beams.
 
     Attributes
     ----------
     variables : dict of Variable
-        ``s(frequency, tx, rx)``, or ``s(frequency, pair)`` with the numbers ``tx`` and ``rx`` where pairs are missing;
-        ``frequency`` [Hz]; ``tx_position`` and ``rx_position`` [m] where the table says them. Of a single antenna
+        Of pairs: ``s(frequency, tx, rx)``, or ``s(frequency, pair)`` with the numbers ``tx`` and ``rx`` if some pairs
+        are missing; ``tx_position`` and ``rx_position`` [m], if the table holds them. Of a single antenna:
         ``s(frequency, position)`` and ``antenna_position`` [m], or ``s(frequency, beam)``, ``azimuth`` and
-        ``elevation`` [degree].
+        ``elevation`` [degree]. Always ``frequency`` [Hz].
     mapping : dict, optional
-        What they mean, where the table says all of it.
+        The content of a mapping file for these variables, if the table tells all that is needed.
     """
 
     variables: dict[str, Variable] = field(default_factory=dict)
@@ -59,7 +60,7 @@ class Pairs:
 
 
 def of_spectra(spectra: Spectra) -> Pairs | None:
-    """The pairs of a wide table: ``S_i_j`` was received by i from j; None for the files of a two-port."""
+    """The pairs of a wide table, where ``S_i_j`` was received by i from j; None for spectra of two-ports and others."""
     numbers = []
     for name in spectra.parameters:
         match = PARAMETER.match(name)
@@ -79,7 +80,9 @@ def of_lines(
     frequency: NDArray[np.float64],
     samples: NDArray[np.complex128],
 ) -> Pairs | None:
-    """What a long table holds, (lines, columns), whose frequencies [Hz] and samples are known; None for another one.
+    """The content of a long table, `values` (lines, columns), of known frequencies [Hz] and samples (lines,).
+
+    None for a table without pairs, places or beams.
 
     Raises
     ------
@@ -116,7 +119,7 @@ def of_lines(
 def _of_one_antenna(
     path: Path, headings: Sequence[str], values: NDArray, frequency: NDArray[np.float64], samples: NDArray
 ) -> Pairs | None:
-    """The places of a moving antenna, or the beams, of a long table; None where it has a single one of them."""
+    """The content of a long table of places of a moving antenna, or of beams; None if it has a single one of them."""
     columns = {
         found[0]: found[1] * values[:, n].real for n, heading in enumerate(headings) if (found := _alone(heading))
     }
@@ -139,7 +142,7 @@ def _of_one_antenna(
 
 
 def distinct(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Places that differ, in the order of their first appearance, and which of them each line means."""
+    """The distinct places, in the order of their first appearance, and the index of the place of each line."""
     _, first, which = np.unique(places.round(PLACE_DIGITS), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)
@@ -155,7 +158,7 @@ def _by_frequency(
     Raises
     ------
     InputError
-        If a place, which `named` puts in words, lacks a frequency or has it twice.
+        If a place lacks a frequency or has it twice; `named` is the form in which the message describes the place.
     """
     row, at = np.unique(frequency, return_inverse=True)
     found, which = distinct(places)
@@ -174,14 +177,14 @@ def _by_frequency(
 
 
 def is_known(heading: str) -> bool:
-    """Whether a heading names a transmitter, a receiver, a coordinate of one, or a place or direction by itself."""
+    """Whether a heading names a transmitter, a receiver, a coordinate of one, or a coordinate or angle alone."""
     text = heading.strip().lower()
     named = any(pattern.match(text) for pattern in (*SIDES.values(), COORDINATE))
     return named or _alone(heading) is not None
 
 
 def _alone(heading: str) -> tuple[str, float] | None:
-    """Axis or angle that a heading names, and the factor of its unit; None for any other heading."""
+    """The axis or angle that a heading names, such as "x" or "azimuth", and the factor of its unit; else None."""
     match = ALONE.match(heading.strip().lower())
     if match is None:
         return None
@@ -193,7 +196,7 @@ def _alone(heading: str) -> tuple[str, float] | None:
 
 
 def _places(path: Path, side: str, headings: Sequence[str], values: NDArray) -> NDArray[np.float64] | None:
-    """Coordinates of one side [m], (lines, 3), those without a column zero; None where there are none."""
+    """Coordinates of one side, tx or rx, (lines, 3) [m]; zero where a column is missing, None where all are."""
     places = np.zeros((len(values), 3))
     seen = False
     for n, heading in enumerate(headings):
@@ -209,7 +212,7 @@ def _places(path: Path, side: str, headings: Sequence[str], values: NDArray) -> 
 
 
 def _arranged(frequency: NDArray[np.float64], s: NDArray, tx: NDArray, rx: NDArray) -> Pairs:
-    """Samples (frequencies, pairs) as a cube where every transmitter has every receiver, else as a list of pairs."""
+    """Samples (frequencies, pairs) as (frequency, tx, rx) if all pairs are there, else as a list of pairs."""
     variables = {"frequency": Variable.of(frequency, ("frequency",), {"units": "Hz"})}
     numbers: Mapping[str, NDArray] = {"tx": np.unique(tx), "rx": np.unique(rx)}
     if tx.size == numbers["tx"].size * numbers["rx"].size:

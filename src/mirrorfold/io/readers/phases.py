@@ -1,4 +1,4 @@
-"""In which unit phases are: degrees or radians."""
+"""The unit of phases, degrees or radians, from their name or their values."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 MANY = 64
-"""Phases that tell by their values; fewer may lie close together by chance."""
+"""Smallest number of phases whose values tell the unit; fewer may lie close together by chance."""
 
 SECTORS = 16
-"""Parts of the circle, all of which hold some of many phases in radians; degrees as small would span a mere six."""
+"""Number of sectors of the circle. Many phases in radians fall into all of them; phases in degrees with values as small
+lie within a few degrees."""
 
 ROUNDING = 0.01
-"""What rounded phases may lie beyond the full circle [rad]."""
+"""Largest excess of rounded phases over the full circle [rad]."""
 
 
 def phase_unit(name: str, values: NDArray) -> str | None:
@@ -23,13 +24,13 @@ def phase_unit(name: str, values: NDArray) -> str | None:
     Parameters
     ----------
     name : str
-        In lower case.
+        Name of the variable, in lower case.
     values : array
 
     Returns
     -------
     {"degree", "radian"} or None
-        None where neither tells: all are small, and few or on one side of the circle.
+        None where neither tells it: all phases are small, and they are few or do not cover the circle.
 
     Examples
     --------

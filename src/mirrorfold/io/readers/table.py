@@ -1,8 +1,8 @@
 """Text tables: CSV with complex numbers as ``a+bi``, in two columns, or as magnitude and phase, and the CSV exports of
 network analysers (Rohde & Schwarz, Keysight and others).
 
-Columns are parted by commas, semicolons, tabs or blanks; semicolons allow decimal commas. Lines that begin with one of
-``# ! % //`` are comments, lines of words before the numbers are headings.
+Columns are separated by commas, semicolons, tabs or blanks; with semicolons or tabs, numbers may have decimal commas.
+Lines that begin with one of ``# ! % //`` are comments; the last line of words before the numbers holds the headings.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ SUFFIXES = (".csv", ".txt")
 COMMENTS = ("#", "!", "%", "//")
 
 FRAMES = ("BEGIN", "END")
-"""Lines that begin with these words frame the data of Keysight's analysers."""
+"""First words of the lines before and after the data of Keysight's analysers."""
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf(?:inity)?)"
 REAL = re.compile(NUMBER, re.IGNORECASE)
 UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECASE)
 
 LONGEST_CELL = 200
-"""Letters of a number, or of a heading that says what a column holds; to look for either in much longer text takes time
-that grows with the square of its length."""
+"""Largest number of letters of a number, or of a heading that is searched for its meaning; the time for this grows with
+the square of the length."""
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "thz": 1e12}
 
@@ -53,14 +53,14 @@ KINDS = (
     ("imaginary", r"s?im(ag(inary)?)?"),
     ("magnitude", r"mag(nitude)?|lin(ear)?(\s*mag)?|abs|amplitude"),
 )
-"""What a heading says of its column, in the order of asking: ``S21 Log Mag(dB)`` is in decibels,
-and a phase in degrees unless radians are named, or its values go around a circle of 2 pi."""
+"""What a column holds, by patterns of its heading, in the order in which they are tried: ``S21 Log Mag(dB)`` is in
+decibels. A phase is in degrees unless the heading names radians, or its values cover a circle of 2 pi."""
 
 HALVES = {
     "real": "real parts", "imaginary": "imaginary parts", "magnitude": "magnitudes", "db": "magnitudes",
     "degree": "phases", "radian": "phases", "phase": "phases",
 }  # fmt: skip
-"""What a column of a kind holds, in words."""
+"""What a column of each kind holds, in words."""
 
 PARAMETER = re.compile(r"S\s*[_\[(]?\s*(?:(\d+)\s*[,_]\s*(\d+)|(\d)(\d)(?!\d))[\])]?", re.IGNORECASE)
 
@@ -69,14 +69,14 @@ WORD = r"(?<![a-z])(?:{})(?![a-z])"
 
 @dataclass(frozen=True)
 class Table:
-    """A rectangle of numbers with headings.
+    """A table of numbers with headings.
 
     Attributes
     ----------
     headings : list of str
-        Empty where there are none, or not one for each column.
+        Empty if there is not one for each column.
     values : (rows, columns) array
-        Real, or complex where a cell is.
+        Real, or complex if one of the cells is.
     """
 
     headings: list[str]
@@ -84,7 +84,7 @@ class Table:
 
 
 def read(path: Path) -> Contents:
-    """The variable ``table``, a variable for each column with a heading, and what a table of pairs holds."""
+    """Read a text table: a variable ``table``, one for each column with a heading, and those of a table of pairs."""
     table = read_table(path)
     spectra, unknown, halves = _spectra(path, table)
     pairs = pair_tables.of_spectra(spectra) if spectra is not None else None
@@ -105,12 +105,12 @@ def read(path: Path) -> Contents:
 
 
 def read_table(path: Path) -> Table:
-    """The numbers of a text table.
+    """Read the numbers of a text table.
 
     Raises
     ------
     InputError
-        With the line where something else stands, or where the number of columns changes.
+        If a line holds something else, or has another number of columns; the message tells the line.
     """
     raw = read_bytes(path, growth=GROWTH)
     if b"\0" in raw:
@@ -145,28 +145,30 @@ def read_table(path: Path) -> Table:
 
 
 def _is_frame(line: str) -> bool:
+    """Whether a line is one of those before and after the data of Keysight's analysers."""
     return line.split(None, 1)[0].upper().rstrip(",;") in FRAMES
 
 
 def _begins_with_number(line: str) -> bool:
+    """Whether the first two cells of a line are numbers."""
     delimiter = _delimiter(line)
     return all(parse_number(cell, decimal_comma=delimiter != ",") is not None for cell in split(line, delimiter)[:2])
 
 
 def _delimiter(line: str) -> str:
-    """What parts the columns of a line; blank for any white space."""
+    """The mark that separates the columns of a line; a blank for any white space."""
     return next((mark for mark in (";", "\t", ",") if mark in line), " ")
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line; a mark at its end ends no cell."""
+    """The cells of a line; a mark at its end is ignored."""
     if delimiter == " ":
         return line.split()
     return [cell.strip().strip('"') for cell in line.rstrip(delimiter + " ").split(delimiter)]
 
 
 def _headings(line: str, delimiter: str) -> list[str]:
-    """The cells of a line of headings, where marks within parentheses, as in ``S(2,1)``, end no cell."""
+    """The cells of a line of headings; marks within parentheses, as in ``S(2,1)``, separate no cells."""
     if delimiter == " ":
         return line.split()
     line = line.rstrip(delimiter + " ")
@@ -207,10 +209,15 @@ def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex |
 
 
 def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[str, str]]:
-    """Spectra where the headings name a frequency and columns that make complex numbers.
+    """The spectra of a table whose headings name a frequency and columns that make complex numbers.
 
-    Beside them, the headings that are not understood; and by heading, what columns hold that are half a complex number,
-    such as a magnitude without its phase.
+    Returns
+    -------
+    spectra : Spectra or None
+    unknown : list of str
+        Headings that are not understood.
+    halves : dict
+        For each column that is half a complex number, such as a magnitude without phase: by heading, what it holds.
     """
     short = [(n, heading) for n, heading in enumerate(table.headings) if len(heading) <= LONGEST_CELL]
     found = [(n, match) for n, heading in short if (match := FREQUENCY.match(heading))]
@@ -244,7 +251,7 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
 
 
 def _kind(heading: str) -> tuple[str | None, str]:
-    """What a column holds, and of which parameter."""
+    """The kind of a column, one of `KINDS` or None, and the name of its parameter."""
     if len(heading) > LONGEST_CELL:
         return None, heading
     for kind, words in KINDS:
@@ -258,7 +265,7 @@ def _kind(heading: str) -> tuple[str | None, str]:
 
 
 def _name(text: str) -> str:
-    """The parameter that a heading names, else what is left of it."""
+    """The parameter that a heading names, such as "S21", else the words that are left of the heading."""
     match = PARAMETER.search(text)
     if match:
         out, into = (int(part) for part in match.groups() if part)
@@ -267,7 +274,7 @@ def _name(text: str) -> str:
 
 
 def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
-    """The unit of phases whose heading names none; a warning says so where it is not degrees."""
+    """The unit of phases whose heading names none: degrees, or with a warning radians."""
     if phase_unit("", phase) != "radian":
         return "degree"
     warnings.warn(
@@ -279,7 +286,7 @@ def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
 
 
 def _complex(path: Path, columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
-    """Complex samples from two columns; None where these are not two parts of complex numbers."""
+    """Complex samples from columns by kind; None where these are not both parts of complex numbers."""
     if "phase" in columns:
         phase = columns["phase"]
         columns = {**columns, _phase_unit(path, phase): phase}

@@ -1,7 +1,7 @@
 """Touchstone files (``.s1p``, ``.s2p``, ... ``.ts``) of versions 1 and 2.
 
-A scan is thousands of small files, so the number block of version 1 has a lean parser of its own; version 2 and other
-parameters than S go through scikit-rf. Source: IBIS Open Forum, "Touchstone File Format Specification", versions 1.1
+A scan consists of thousands of small files, so the numbers of version 1 have a fast parser here; scikit-rf reads
+version 2 and parameters other than S. Source: IBIS Open Forum, "Touchstone File Format Specification", versions 1.1
 (2002) and 2.0 (2009).
 """
 
@@ -19,7 +19,7 @@ from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
 
 SUFFIXES = (".s1p", ".s2p", ".s3p", ".s4p", ".ts")
-"""The usual suffixes; files of more ports are told by `SUFFIX`."""
+"""The usual suffixes; files of more ports are recognised by `SUFFIX`."""
 
 SUFFIX = re.compile(r"\.(?:s(\d{1,3})p|ts)$", re.IGNORECASE)
 
@@ -37,7 +37,7 @@ GROWTH = 20.0
 
 
 def read(path: Path) -> Contents:
-    """All scattering parameters of a Touchstone file, named ``S11``, ``S21`` ..."""
+    """Read all scattering parameters of a Touchstone file, named ``S11``, ``S21`` ..."""
     spectra = read_spectra(path)
     variables = {"frequency": Variable.of(spectra.frequency, ("frequency",), {"units": "Hz"})}
     variables |= {name: Variable.of(values, ("frequency",)) for name, values in spectra.parameters.items()}
@@ -45,12 +45,12 @@ def read(path: Path) -> Contents:
 
 
 def read_spectra(path: Path) -> Spectra:
-    """Frequencies and scattering parameters of a Touchstone file.
+    """Read the frequencies and scattering parameters of a Touchstone file.
 
     Raises
     ------
     InputError
-        If it is damaged, or its name does not say the number of ports.
+        If it is damaged, does not fit the number of ports in its name, or needs scikit-rf, which is missing.
     """
     raw = read_bytes(path, growth=GROWTH)
     match = SUFFIX.search(path.name)
@@ -69,7 +69,7 @@ def read_spectra(path: Path) -> Spectra:
 
 
 def _options(path: Path, raw: bytes) -> tuple[str, str, str, int]:
-    """Unit, parameter and format by the option line, and where the numbers begin; -1 where version 2 says it."""
+    """Unit, parameter and format from the option line, and the byte at which the numbers begin; -1 for version 2."""
     unit, parameter, form, at = "GHZ", "S", "MA", 0
     while at < len(raw):
         end = raw.find(b"\n", at)
@@ -99,7 +99,7 @@ def _options(path: Path, raw: bytes) -> tuple[str, str, str, int]:
 
 
 def _bad_number(path: Path, raw: bytes) -> InputError:
-    """What stands where a number belongs, with its line."""
+    """The error for the first word that is no number, with its line."""
     for number, line in enumerate(raw.decode("latin-1").splitlines(), 1):
         for word in re.split(r"[!#]", line)[0].split():
             try:
@@ -110,7 +110,7 @@ def _bad_number(path: Path, raw: bytes) -> InputError:
 
 
 def _spectra(path: Path, values: NDArray[np.float64], ports: int, unit: float, form: str) -> Spectra:
-    """Spectra from the flow of numbers: a frequency and the samples of all pairs of ports, again and again."""
+    """Spectra from all numbers in turn: each frequency is followed by the samples of all pairs of ports."""
     columns = 1 + 2 * ports**2
     rows = values.size // columns if ports else 0
     rest = values.size - rows * columns
@@ -139,17 +139,17 @@ def _spectra(path: Path, values: NDArray[np.float64], ports: int, unit: float, f
 
 
 def parameter_name(out: int, into: int, ports: int) -> str:
-    """``"S21"`` from the ports counted from zero; with a comma where there are ten ports or more."""
+    """Name of a parameter, such as ``"S21"``, from two ports counted from zero; with a comma for ten ports or more."""
     return f"S{out + 1}{into + 1}" if ports < 10 else f"S{out + 1},{into + 1}"
 
 
 def _by_library(path: Path, raw: bytes) -> Spectra:
-    """What the lean parser does not know, by way of scikit-rf."""
+    """Spectra of a file that the fast parser cannot read, by way of scikit-rf."""
     text = raw.decode("latin-1")
     ports = re.search(r"\[number of ports\]\s*(\d+)", text, re.IGNORECASE)
     points = re.search(r"\[number of frequencies\]\s*(\d+)", text, re.IGNORECASE)
     if ports and points:
-        # A matrix may be given by one of its triangles, each number takes two characters at least.
+        # A matrix may be given by one of its triangles; each number takes at least two characters.
         needed = 2 * int(ports[1]) * (int(ports[1]) + 1) * int(points[1])
         if needed > len(raw):
             raise InputError(

@@ -1,5 +1,5 @@
-"""A scan that was left as one file for each position of the antennas, or as networks of scikit-rf.
+"""Import of a scan that consists of one file for each position of the antennas, or of networks of scikit-rf.
 
-`positions` reads the table or description that says where they stood, `networks` takes the place of files in memory,
-and `scan` makes the sweep.
+`positions` reads the table or description of the antennas' positions, `networks` represents networks in memory as
+files, and `scan` makes the sweep.
 """

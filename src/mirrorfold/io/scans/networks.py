@@ -1,4 +1,4 @@
-"""Networks of scikit-rf that are in memory already, in place of files."""
+"""Networks of scikit-rf, which are in memory already, used in place of files."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ class Held:
 
     @property
     def parent(self) -> Path:
-        """A folder that stands for that of a file."""
+        """A path in place of the folder of a file, for messages."""
         return Path(self.name)
 
 
 def is_network(value: Any) -> bool:
-    """Whether something is a Network or a NetworkSet; scikit-rf need not be installed."""
+    """Whether a value is a Network or a NetworkSet of scikit-rf, which need not be installed."""
     return type(value).__module__.split(".")[0] == "skrf" and (hasattr(value, "s") or hasattr(value, "ntwk_set"))
 
 
 def held_networks(value: Any) -> dict[str, Held] | None:
-    """The Networks in a Network, a NetworkSet or a list of them, by the names of their files; None for anything else.
+    """The Networks in a Network, a NetworkSet or a list of both, by names of files; None for any other value.
 
-    A network that has no name is named by its number, from zero.
+    A network without a name gets its number as name, from zero.
 
     Raises
     ------
     InputError
-        If two have one name, or one has frequencies or samples of the wrong shape.
+        If two networks have the same name, or the frequencies and samples of one do not fit together.
     """
     members = value if isinstance(value, list | tuple) and value and all(map(is_network, value)) else [value]
     if not all(map(is_network, members)):

@@ -1,8 +1,8 @@
-"""Where the antennas stood for each file of a scan: a table (CSV), or a description (TOML or JSON).
+"""The positions of the antennas for each file of a scan, from a table (CSV) or a description (TOML or JSON).
 
-A CSV has a column ``file`` (a name, or a pattern with ``*`` that one file fits) and the columns ``tx_x, tx_y, tx_z,
+A CSV has a column ``file`` (a name, or a pattern with ``*`` that fits one file) and the columns ``tx_x, tx_y, tx_z,
 rx_x, rx_y, rx_z``; or ``x, y, z`` of one antenna that transmits and receives; or ``azimuth, elevation`` of a beam.
-Coordinates that are left out are zero; a unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``.
+Coordinates that are left out are zero. A unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ GROUPS = {
     "position": ("x", "y", "z"),
     "beam": ("azimuth", "elevation"),
 }
-"""Columns by what they describe."""
+"""Columns by what they describe: the places of a pair, the position of one antenna, or the direction of a beam."""
 
 ANGLES = GROUPS["beam"]
 
@@ -44,23 +44,23 @@ INDICES = ("tx", "rx", "position")
 """Placeholders in a pattern of file names that stand for the number of a place."""
 
 FILE_NAMES = ("file", "filename", "file_name", "name", "path")
-"""What the entry with the file is called in tables of other origin."""
+"""Names of the entry with the file, also in tables of other origin."""
 
 LISTS = ("file", "files", "measurements", "records", "entries")
-"""What the list of files is called in descriptions of other origin."""
+"""Names of the list of files, also in descriptions of other origin."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """One file and where the antennas stood.
+    """A line of a table: one file and the places of its antennas.
 
     Attributes
     ----------
     file : str
     where : str
-        Of the line, for messages.
+        Place of the line, for messages.
     numbers : dict
-        By the names in `GROUPS`, in metres and degrees.
+        Coordinates by the names in `GROUPS`, in metres and degrees.
     """
 
     file: str
@@ -72,7 +72,7 @@ Triple = Annotated[list[Finite], Field(min_length=2, max_length=3)]
 
 
 class Entry(Strict):
-    """A file of a description, with the places of its antennas."""
+    """An entry of a description: one file and the places of its antennas."""
 
     file: str
     tx: Triple | None = None
@@ -94,14 +94,14 @@ class Scan(Strict):
     Attributes
     ----------
     file : list of Entry
-        Every file with its places; or `table`, a CSV beside the description; or `files`, a pattern of the names such
-        as ``"scan_{tx}_{rx}.s2p"`` with the places `tx` and `rx` (or `antenna` for ``{position}``), or with the numbers
-        themselves, as in ``"beam_{azimuth}_{elevation}.s1p"``; or `ports`, the antennas of one file with all ports; or
-        `tx` and `rx` alone, the antennas of one table with all pairs.
+        Every file with its places. Or instead: `table`, a CSV beside the description; `files`, a pattern of file names
+        such as ``"scan_{tx}_{rx}.s2p"``, with the places `tx` and `rx` (or `antenna` for ``{position}``), or with the
+        coordinates in the name, as in ``"beam_{azimuth}_{elevation}.s1p"``; `ports`, the antennas of one file with all
+        ports; `tx` and `rx` alone, the antennas of one table with all pairs.
     base : {0, 1}
         The number of the first place in file names.
     unit : str
-        Of the places of `file` and of lengths in file names.
+        Unit of the places of `file`, and of lengths in file names.
     parameter : str
     title, instrument, time_convention, wave_speed, scene_center, origin
         As in a mapping file.
@@ -144,7 +144,7 @@ class Scan(Strict):
 
 
 def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
-    """The dict, with the entry that has one of the names under this name."""
+    """The dict, with its only entry that is called by one of `names` renamed to `name`."""
     if not isinstance(value, dict) or name in value:
         return value
     found = [other for other in names if other in value]
@@ -154,12 +154,12 @@ def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
 
 
 def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None]:
-    """The description of a scan, and its lines unless a pattern of file names makes them.
+    """Read the description of a scan, and its lines; None for these where the description does not list the files.
 
     Raises
     ------
     InputError
-        With the line or entry that is wrong.
+        If a line or entry is wrong; the message tells which.
     """
     if isinstance(path, dict) or path.suffix.lower() in (".toml", ".json"):
         content, path = (path, Path("positions")) if isinstance(path, dict) else (read_written(path), path)
@@ -174,6 +174,7 @@ def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None
 
 
 def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> Line:
+    """The line that an entry of a description stands for."""
     where = f"{path}: file[{number}] ({entry.file})"
     unit = UNITS[entry.unit or unit_of_all]
     numbers: dict[str, float] = {}
@@ -227,6 +228,7 @@ def _read_table(path: Path) -> list[Line]:
 
 
 def _cells(path: Path, number: int, line: str, delimiter: str) -> list[str]:
+    """The cells of a line of a CSV."""
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
     except (csv.Error, StopIteration) as error:
@@ -237,7 +239,7 @@ HEADING = re.compile(r"^([a-z_ ]+?)[ _]*(?:[\[(]\s*(\w+)\s*[\])]|_(mm|cm|um|m|in
 
 
 def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
-    """Name of a column and the factor of its unit; empty for columns that do not matter."""
+    """Name of a column, and the factor of its unit; the name is empty for columns that are not needed."""
     text = cell.strip().strip('"').lower()
     if text in FILE_NAMES:
         return "file", 1.0
@@ -267,12 +269,12 @@ PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
 def match_pattern(path: Path, scan: Scan, names: Sequence[str]) -> list[Line]:
-    """The lines that a pattern of file names makes of the names of the files; other files are passed over.
+    """The lines of a scan from the names of its files, by the pattern `scan.files`; other files are ignored.
 
     Raises
     ------
     InputError
-        If the pattern is not understood, fits no file, or a number in a name is beyond the places.
+        If the pattern is not understood, fits no file, or a number in a file name has no place.
     """
     assert scan.files is not None
     known = {*INDICES, *(name for group in GROUPS.values() for name in group)}
@@ -322,12 +324,12 @@ def match_pattern(path: Path, scan: Scan, names: Sequence[str]) -> list[Line]:
 
 
 def arranged(path: Path, lines: Sequence[Line]) -> tuple[str, NDArray[np.float64]]:
-    """What the lines describe - ``pair``, ``position`` or ``beam`` - and their numbers, (lines, columns).
+    """What the lines describe, "pair", "position" or "beam", and their coordinates, (lines, columns of `GROUPS`).
 
     Raises
     ------
     InputError
-        If a line describes something else than the first, or nothing.
+        If there is no line, or one has no complete place, or describes something other than the first.
     """
     if not lines:
         raise InputError(f"{path}: names no file; add a line for each")

@@ -1,4 +1,4 @@
-"""A scan that a network analyser left as one file for each position."""
+"""The sweep of a scan for which a network analyser has written one file for each position."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from mirrorfold.io.scans.positions import Line, Scan, arranged, match_pattern, r
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, doubts
 
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
-"""The scattering parameter that is meant where files hold several."""
+"""The scattering parameter that is taken by default where files hold several."""
 
 LONGEST_NAME = 1024
-"""Letters of a name of a file with its folders, or of a pattern of it: a pattern of many more takes minutes to try."""
+"""Largest number of letters of a file name with its folders, or of a pattern, as longer ones take minutes to match."""
 
 
 def import_scan(
@@ -42,14 +42,14 @@ def import_scan(
     parameter: str | None = None,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """The sweep of a scan with one file for each position.
+    """Read a scan with one file for each position as a sweep.
 
     Parameters
     ----------
     paths : list of Path, or dict of Held
         The files, or their folder; or the JSON description alone, with the files beside it; or networks in memory.
     positions : path or dict, optional
-        Table or description of the positions; the description itself where it is the only path.
+        Table or description of the positions; by default the only path is the description.
     parameter : str, optional
     progress : callable (done, total), optional
 
@@ -115,7 +115,7 @@ Files = dict[str, Path | Held]
 
 
 def _files(paths: Sequence[Path], table: Path) -> Files:
-    """The files by name; those of a folder, and of folders in it by their relative names."""
+    """The files by name, those in folders by their paths relative to the folder; the table is left out."""
     found: Files = {}
     for path in paths:
         if not path.exists():
@@ -136,7 +136,7 @@ def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -
     Raises
     ------
     InputError
-        If a line names no file or several, or two lines the same, or (of files that were listed) one is in no line.
+        If a line names no file or several, two lines name the same file, or a file that was given is in no line.
     """
     by_name = {Path(name).name: path for name, path in files.items()}
     by_name |= {Path(path.name).stem: path for path in files.values() if isinstance(path, Held)}
@@ -167,7 +167,7 @@ def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -
 
 
 def read_spectra(path: Path | Held) -> Spectra:
-    """The scattering parameters in a file of a network analyser, or in memory."""
+    """Read the scattering parameters in a file of a network analyser, or take them from memory."""
     if isinstance(path, Held):
         return path.spectra
     if touchstone.SUFFIX.search(path.name):
@@ -188,7 +188,7 @@ def read_spectra(path: Path | Held) -> Spectra:
 def _spectra(
     files: Sequence[Path | Held], parameter: str | None, kind: str, progress: Progress | None
 ) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
-    """Frequencies [Hz] and samples (frequencies, files)."""
+    """Frequencies [Hz] and samples (frequencies, files) of the files; all must have the same frequencies."""
     first = read_spectra(files[0])
     name = _parameter(files[0], first, parameter, kind)
     frequency = first.frequency
@@ -213,11 +213,12 @@ def _spectra(
 
 
 def _step(frequency: NDArray[np.float64]) -> float:
+    """Mean step of frequencies [Hz]; of a single one the frequency itself."""
     return float(abs(frequency[-1] - frequency[0])) / max(frequency.size - 1, 1) or abs(float(frequency[0]))
 
 
 def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind: str) -> str:
-    """The scattering parameter to take."""
+    """Name of the scattering parameter to take: the given one, the only one, or that of `DEFAULTS`."""
     names = list(spectra.parameters)
     if parameter is not None:
         known = {name.upper(): name for name in names}
@@ -235,7 +236,7 @@ def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind:
 
 
 def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> None:
-    """Refuse a pair of places that two lines give."""
+    """Refuse two lines with the same pair of places."""
     seen: dict[tuple[int, int], Line] = {}
     for line, pair in zip(lines, zip(tx.tolist(), rx.tolist(), strict=True), strict=True):
         if pair in seen:
@@ -244,7 +245,7 @@ def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> 
 
 
 def _checked(sweep: xr.Dataset, table: Path) -> xr.Dataset:
-    """A valid sweep; says where the unit of its places looks wrong."""
+    """Check the sweep, and return it, with a warning if the unit of its places looks wrong."""
     sweep = check_sweep(sweep, source=str(table))
     for doubt in doubts(sweep):
         warnings.warn(f"{doubt.what} Say so in the headings of {table}, as in tx_x_mm, or as unit.", stacklevel=3)
@@ -252,6 +253,7 @@ def _checked(sweep: xr.Dataset, table: Path) -> xr.Dataset:
 
 
 def _attrs(scan: Scan, table: Path) -> dict[str, Any]:
+    """Attributes of the sweep from the description."""
     attrs: dict[str, Any] = {"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION}
     attrs |= {name: getattr(scan, name) for name in ("title", "instrument", "wave_speed") if getattr(scan, name)}
     if scan.scene_center is not None:
