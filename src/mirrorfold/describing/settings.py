@@ -154,7 +154,7 @@ def attribute_words(name: str, value: Any) -> str:
 
 
 def _value_and_unit(value: Any, rule: Rule) -> dict[str, str]:
-    """A value as a text, and its unit; lengths and frequencies in the largest unit that gives numbers above one."""
+    """A value as a text, and its unit; lengths and frequencies in a unit in which the largest one is at least 1."""
     numbers = np.ravel(value)
     if rule.unit not in SCALES or numbers.dtype.kind not in "iuf" or not 0 < numbers.size <= LONGEST_ARRAY:
         return {"value": words(value, rule), "unit": rule.unit}
