@@ -1,9 +1,9 @@
 """The command ``mirrorfold``: its verbs, its help, its exit codes.
 
-Nothing heavy is imported here, so that help and complaints come at once; `program` knows the modules of the verbs. Each
-verb reads its input, calls the function of the same name in `mirrorfold`, writes the result, and reports it.
-Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130 interrupted by
-Ctrl-C, 143 by SIGTERM, 129 by SIGHUP.
+No large module is imported here, so that help and error messages appear at once; `program` imports the modules of the
+verbs. Each verb reads its input, calls the function of the same name in `mirrorfold`, writes the result and prints it.
+Exit codes: 0 done; 1 the work failed; 2 the arguments or the input are wrong; 130 interrupted by Ctrl-C, 143 by
+SIGTERM, 129 by SIGHUP.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from mirrorfold.common.signals import ended_as_by_ctrl_c
 from mirrorfold.errors import EndedError, InputError, printable
 
 NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
-"""What a path may be that is wrong in itself: too long, or a link in a circle."""
+"""Errors of paths that can never be right: too long, or a circle of links."""
 
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes."""
 
 LEAST_ADDRESS_SPACE = 700e6
-"""What the libraries take before any work [bytes]; with less, some crash and others wait for ever."""
+"""Address space that the libraries need before any work [bytes]; with less, some crash and others wait forever."""
 
 SIGNALLED = 128
-"""The exit code of what a signal ends is higher by its number; that of Ctrl-C is 2."""
+"""The exit code of a process that a signal ends is this plus the number of the signal; that of Ctrl-C is 2."""
 
 
 class Verb(NamedTuple):
@@ -125,21 +126,21 @@ VERBS = {
 
 
 COLLECTION_THRESHOLDS = 100_000, 50, 100
-"""How many new objects set off a search for cycles: modules make many objects that stay, and searching among them again
-and again is a fifth of the time that importing takes."""
+"""Thresholds of Python's garbage collector, for `gc.set_threshold`. They are higher than usual, because importing
+modules makes many objects that stay, and searching these again and again takes a fifth of the time of importing."""
 
 
 WITHOUT_DASK = {"calibrate", "demo", "focus", "reconstruct"}
-"""Verbs that make no lazy arrays, and call no readers of others, who may."""
+"""Verbs that need no Dask: they make no lazy arrays, and call no readers of other packages, which might."""
 
 
 @contextmanager
 def hidden_dask() -> Iterator[None]:
-    """Have xarray take Dask for missing, while its context lasts.
+    """Make xarray believe that Dask is not installed, while the context lasts.
 
-    Wherever Dask is installed, xarray imports it to ask of any array whether it is lazy, which takes half a second;
-    there is no option against it (`xarray.namedarray.utils.is_dask_collection`). An entry None in `sys.modules` is
-    Python's own way to say that a module cannot be imported. xarray remembers the answer until the process ends.
+    If Dask is installed, xarray imports it to find out whether an array is lazy, which takes half a second; no option
+    prevents that (`xarray.namedarray.utils.is_dask_collection`). An entry None in `sys.modules` is Python's own way to
+    say that a module cannot be imported. xarray remembers the answer until the process ends.
     """
     if "dask" in sys.modules:
         yield
@@ -157,7 +158,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv : list of str, optional
-        What follows the name of the program; by default what the process was called with, and it ends afterwards.
+        The arguments after the name of the program; by default those of the process, which is expected to end
+        afterwards.
 
     Returns
     -------
@@ -174,49 +176,56 @@ def main(argv: Sequence[str] | None = None) -> int:
         with hidden_dask() if WITHOUT_DASK.intersection(sys.argv[1:2]) else nullcontext():
             return _run(sys.argv[1:])
     finally:
-        # The end of a process frees its memory; Python need not look through every module for cycles first.
+        # Ending the process frees its memory anyway, so Python need not search all modules for cycles first.
         gc.freeze()
 
 
 def _run(arguments: list[str]) -> int:
-    """Run one command; returns the exit code."""
+    """Run one command line, and print the remarks that were held back; returns the exit code."""
     as_json = any(word == "--json" or word.startswith("--json=") for word in arguments)
     kept = held_notes.set([] if as_json else None)
     try:
         return _attempt(arguments)
     finally:
-        _release(held_notes.get())
+        _print_remarks(held_notes.get())
         held_notes.reset(kept)
 
 
 def _attempt(arguments: list[str]) -> int:
-    """Run one verb, and say in one line how it failed; returns the exit code."""
+    """Run one command line, and print an error in one line if it fails; returns the exit code.
+
+    SIGTERM and SIGHUP end the work in the same way as Ctrl-C.
+    """
     with ended_as_by_ctrl_c() as signals:
-        return _attempt_until(signals, arguments)
+        return _attempt_listing_signals(signals, arguments)
 
 
-def _attempt_until(signals: list[int], arguments: list[str]) -> int:
-    """The same, while the signals that come are listed."""
+def _attempt_listing_signals(signals: list[int], arguments: list[str]) -> int:
+    """Run one command line and print its error, as `_attempt`; `signals` lists the signals that have been received."""
     try:
         _carry_out(arguments)
         sys.stdout.flush()
     except InputError as error:
-        return _complain(error, str(error), FAILED if isinstance(error, EndedError) else WRONG_INPUT)
+        return _print_failure(error, str(error), FAILED if isinstance(error, EndedError) else WRONG_INPUT)
     except KeyboardInterrupt as error:
         code = SIGNALLED + signals[0] if signals else INTERRUPTED
-        return _complain(error, str(error) or "interrupted; nothing was written", code)
-    except BrokenPipeError:  # the reader of our output has gone, for example `| head`
+        return _print_failure(error, str(error) or "interrupted; nothing was written", code)
+    except BrokenPipeError:  # the program that reads our output has ended, for example `| head`
         silence(sys.stdout)
         return FAILED
     except (MemoryError, OSError) as error:
         if isinstance(error, OSError) and error.errno in NO_NAME:
-            return _complain(error, f"{error.filename}: cannot be a path ({error.strerror}); give another", WRONG_INPUT)
-        return _complain(error, machine_trouble(error), FAILED)
-    except Exception as error:  # the promise of one plain line holds for our own mistakes too
-        if isinstance(error, ImportError) and address_space() < math.inf:  # a library that found no room
-            return _complain(error, machine_trouble(MemoryError()), FAILED)
+            return _print_failure(
+                error, f"{error.filename}: cannot be a path ({error.strerror}); give another", WRONG_INPUT
+            )
+        return _print_failure(error, machine_trouble(error), FAILED)
+    except Exception as error:  # a bug of this package is reported in one line, too
+        if isinstance(error, ImportError) and address_space() < math.inf:  # a library did not fit into the memory
+            return _print_failure(error, machine_trouble(MemoryError()), FAILED)
         found = f"{type(error).__name__}: {error}"
-        return _complain(error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED)
+        return _print_failure(
+            error, f"failed by a mistake of its own ({found}); MIRRORFOLD_DEBUG=1 shows where", FAILED
+        )
     return DONE
 
 
@@ -238,7 +247,7 @@ def _carry_out(arguments: list[str]) -> None:
     said: set[str] = set()
 
     def once(message: Warning | str, *_: Any, **__: Any) -> None:
-        """A remark; of a recording that gives one for each frame, the first."""
+        """Print a warning as a remark, unless it was printed before, as when each frame of a recording warns."""
         if str(message) not in said:
             said.add(str(message))
             note(str(message))
@@ -249,7 +258,7 @@ def _carry_out(arguments: list[str]) -> None:
 
 
 def address_space() -> float:
-    """Limit of what the process may map into its memory, by ``ulimit -v`` [bytes]."""
+    """Limit of the address space of the process, set by ``ulimit -v`` [bytes]; infinite without a limit."""
     try:
         import resource
     except ImportError:  # on Windows
@@ -259,7 +268,7 @@ def address_space() -> float:
 
 
 def machine_trouble(error: OSError | MemoryError) -> str:
-    """What the machine could not do, in one sentence."""
+    """The message for an error of the machine: too little memory, or a failure of a disk."""
     if isinstance(error, MemoryError):
         return "there is not enough memory; use fewer pixels or a smaller sweep"
     if error.strerror is None or error.filename is None:
@@ -270,27 +279,31 @@ def machine_trouble(error: OSError | MemoryError) -> str:
 
 
 held_notes: ContextVar[list[str] | None] = ContextVar("held_notes", default=None)
-"""With ``--json`` remarks wait for the end, because on failure stderr holds one JSON object and nothing else."""
+"""Remarks that are held back until the end, with ``--json``: after a failure, stderr must hold only one JSON object.
+None without ``--json``."""
 
 
 def note(sentence: str) -> None:
-    """Print a remark on stderr; the verb goes on."""
+    """Print a remark on stderr, or hold it back with ``--json``; the verb goes on."""
     held = held_notes.get()
-    _release([sentence]) if held is None else held.append(sentence)
+    _print_remarks([sentence]) if held is None else held.append(sentence)
 
 
-def _release(sentences: list[str] | None) -> None:
+def _print_remarks(sentences: list[str] | None) -> None:
     """Print the remarks that were held back."""
     for sentence in sentences or ():
         print_error(f"mirrorfold: note: {printable(sentence)}")
 
 
-def _complain(error: BaseException, sentence: str, code: int) -> int:
-    """Print one line, or one JSON object for machines; a traceback only for those who ask for it."""
+def _print_failure(error: BaseException, sentence: str, code: int) -> int:
+    """Print an error in one line, or as one JSON object with ``--json``; returns the exit code.
+
+    With the environment variable ``MIRRORFOLD_DEBUG=1`` the error is raised, so that its traceback is printed.
+    """
     if os.environ.get("MIRRORFOLD_DEBUG") == "1":
         raise error
     sentence, held = printable(" ".join(sentence.split())), held_notes.get()
-    if isinstance(error, OSError):  # what stdout still holds, because its disk is full, would be a failure again
+    if isinstance(error, OSError):  # if the disk of stdout is full, its remaining content would fail again at the end
         with flushed(sys.stdout):
             pass
     if held is None:

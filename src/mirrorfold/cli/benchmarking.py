@@ -1,4 +1,4 @@
-"""The verb that judges methods on random scenes, and lays two such judgements side by side."""
+"""The verbs `benchmark`, which judges methods on random scenes, and `benchmark compare`, for two such benchmarks."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
 
 PICTURE = "figures.png"
+"""Name of the picture in the folder of a benchmark."""
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True)]
+"""Option that takes one or several names."""
 
 
 class FamilyFacts(Record):
@@ -70,18 +72,18 @@ def benchmark(
     radar
         Radars that see them, one or several; by default the usual one of each family.
     method
-        What reconstructs the scenes, one or several: ours, flat (ours without curved mirrors), opaque (ours without
-        half-transparent walls), published, or MODULE:FUNCTION, a function that is called with the image and the sweep
-        and returns a reconstruction, or a dict with points; ours by default.
+        Methods that reconstruct the scenes, one or several: ours, flat (ours without curved mirrors), opaque (ours
+        without half-transparent walls), published, or MODULE:FUNCTION, a function that is called with the image and the
+        sweep and returns a reconstruction, or a dict with points; ours by default.
     seeds
-        FIRST:END, one scene each, without the end.
+        Seeds of the random scenes as FIRST:END, one scene each; END is left out.
     output
         Folder for the results: scenes.jsonl, which gets a line as each scene is done, and from which an interrupted
         command goes on; tables; and a picture.
     sweeps
         Folder that keeps the simulated sweeps, for another command on the same scenes.
     jobs
-        Scenes at a time, each in a process of its own.
+        Number of scenes at a time, each in a process of its own.
     catalogue
         List the families and the radars, and do nothing else.
     json
@@ -149,7 +151,7 @@ def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None
 
 
 def _seeds(text: str) -> range:
-    """The seeds of ``FIRST:END``, or of a single number."""
+    """The seeds that ``FIRST:END``, or a single number, stands for."""
     first, colon, end = text.partition(":")
     try:
         found = range(int(first), int(end) if colon else int(first) + 1)
@@ -161,7 +163,7 @@ def _seeds(text: str) -> range:
 
 
 def _catalogue() -> Catalogue:
-    """The families and radars that there are."""
+    """All families of scenes and all radars."""
     from mirrorfold.scenes.families import FAMILIES, RADARS, radars_of
 
     families = [

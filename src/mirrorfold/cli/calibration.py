@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 
 CABLE_ERROR = 0.1
-"""Share of a cable's stated length by which it may be wrong, where a sphere corrects it: the velocity factor of a
-catalogue, a metre measured by hand, or what `info` reads from the waves."""
+"""Largest error of a given length of cable that a sphere may correct, as a share of the length. The length may come
+from the velocity factor of a catalogue, from a measurement by hand, or from what `info` reads from the waves."""
 
 
 class Calibration(Record):
@@ -108,8 +108,8 @@ def calibrate(
     mask
         Set bad channels to zero and fill in bad frequencies.
     background
-        Sweep to subtract from the sweep and from the sphere's: of the antennas before nothing, or before absorber.
-        What it shows is gone, so that a wall which is to serve as a mirror must not be in it.
+        Sweep to subtract from the sweep and from that of the sphere, measured without a scene or in front of absorber.
+        Everything in it is removed, so a wall that is to serve as a mirror must not be in it.
     match_background
         Fit gain and phase of the background first.
     scan_mean
@@ -117,26 +117,26 @@ def calibrate(
     reference
         Sweep of a reflector to divide by.
     reference_at
-        Place of the apex of the reflector, or of a point of the plate, as X,Y or X,Y,Z [m].
+        Position of the apex of the reflector, or of a point of the plate, as X,Y or X,Y,Z [m].
     reference_normal
         Normal of the plate as X,Y or X,Y,Z; without it the reflector is point-like.
     reference_per_channel
         Divide each pair by its own response.
     cable_length
-        Electrical length of cable to take away, there and back together [m]. A sphere tells it by itself, and where
-        it is given corrects it by a tenth at most.
+        Electrical length of cable to remove, there and back together [m]. With a sphere it need not be given; if it
+        is, the sphere corrects it by a tenth at most.
     sphere
-        Sweep of a sphere, from which to calibrate the elements and the cables; several for several places.
+        Sweep of a sphere, from which to calibrate the elements and the cables; several for several positions.
     sphere_at
-        Middle of the sphere as X,Y or X,Y,Z [m], one for each sweep of it.
+        Centre of the sphere as X,Y or X,Y,Z [m], one for each sweep of it.
     sphere_radius
         Radius of the sphere [m].
     save_elements
-        File to keep the calibration of the elements in (JSON).
+        File to write the calibration of the elements to (JSON).
     elements
         Calibration of the elements that --save-elements has written (JSON).
     find_displacement
-        Find the displacement of the receiving aperture from the sphere, instead of the elements' own delays.
+        Estimate from the sphere the displacement of the whole receiving aperture, instead of a delay of each element.
     rx_displacement
         Vector to move all receivers by, as X,Y or X,Y,Z [m].
     gate
@@ -144,9 +144,9 @@ def calibrate(
     autofocus
         Remove small position errors that blur the image.
     memory_limit
-        Memory that the process may hold in all; what needs more is refused before the work [B].
+        Memory that the process may hold in all; work that needs more is refused before it begins [B].
     dry_run
-        Say what memory the work would need, and of what; write nothing.
+        Print the memory that each part of the work would need; write nothing.
     json
         Print the history and the files as one JSON object.
     """
@@ -165,14 +165,14 @@ def calibrate(
         netcdf_file(output, inputs=inputs)
         if save_elements is not None:
             output_file(save_elements, inputs=[*inputs, output])
-    kept = parse_gate(gate) if gate is not None else None
-    moved = parse_place(rx_displacement, "rx-displacement") if rx_displacement is not None else None
+    gate_ranges = parse_gate(gate) if gate is not None else None
+    displacement = parse_place(rx_displacement, "rx-displacement") if rx_displacement is not None else None
     places = [parse_place(text, "sphere-at") for text in sphere_at or []]
     apex = parse_place(reference_at, "reference-at") if reference_at is not None else None
     normal = parse_place(reference_normal, "reference-normal") if reference_normal is not None else None
 
     def repaired(path: Path) -> xr.Dataset:
-        """A sweep with its mistakes put right; all sweeps that one session measured have the same mistakes."""
+        """A sweep with its mistakes corrected; all sweeps of one measurement session have the same mistakes."""
         found = read_as_is(path)
         found = mf.calibrate.scale_frequencies(found, frequency_unit) if frequency_unit else found
         found = mf.calibrate.sort_frequencies(found) if sort_frequencies else found
@@ -205,7 +205,7 @@ def calibrate(
     response = repaired(reference) if reference else None
 
     def prepared(one: xr.Dataset) -> xr.Dataset:
-        """A repaired sweep without background and instrument."""
+        """A repaired sweep with the background subtracted and the response of the instrument removed."""
         if empty is not None:
             one = mf.calibrate.subtract_background(one, empty, match=match_background)
         one = mf.calibrate.subtract_mean(one) if scan_mean else one
@@ -216,11 +216,13 @@ def calibrate(
         return mf.calibrate.remove_cable(one, cable_length) if cable_length is not None else one
 
     waiting, as_measured = [measured], measured.drop_vars("s")
-    del measured  # so that no sweep is held that a step has replaced
+    del measured  # so that a sweep is freed as soon as a step has replaced it
     result = prepared(waiting.pop())
     facts: dict[str, Any] = {}
     with progress("calibrating") as report:
-        electrical = speed_of_light / wave_speed(result)  # lengths of cable are those of light in vacuum
+        electrical = speed_of_light / wave_speed(
+            result
+        )  # electrical lengths of cable refer to the speed of light in vacuum
         known: dict[str, Any] = {"at": places, "radius": sphere_radius}
         if cable_length:
             known["largest_common"] = CABLE_ERROR * abs(cable_length) / electrical
@@ -252,8 +254,8 @@ def calibrate(
             result = mf.calibrate.apply_elements(result, found)
         if elements is not None:
             result = mf.calibrate.apply_elements(result, mf.calibrate.load_elements(elements))
-        result = mf.calibrate.displace_receivers(result, moved) if moved is not None else result
-        result = mf.calibrate.time_gate(result, *kept) if kept is not None else result
+        result = mf.calibrate.displace_receivers(result, displacement) if displacement is not None else result
+        result = mf.calibrate.time_gate(result, *gate_ranges) if gate_ranges is not None else result
         result = mf.calibrate.autofocus(result, progress=report) if autofocus else result
     files = [mf.save(result.assign_attrs(command=command.get()), output)]
     if save_elements is not None:
@@ -275,7 +277,7 @@ def calibrate(
 
 
 def _check_options(given: dict[str, Any]) -> None:
-    """Refuse options that need others, before the work begins.
+    """Refuse options that lack another option that they need, before the work begins.
 
     Raises
     ------
@@ -308,7 +310,7 @@ def _check_options(given: dict[str, Any]) -> None:
 
 
 def read_as_is(path: Path) -> xr.Dataset:
-    """A sweep whose samples or order of frequencies may be broken, since repairing that is asked for.
+    """The sweep in a file; its samples or the order of its frequencies may be wrong, because they are to be repaired.
 
     Raises
     ------
@@ -330,7 +332,7 @@ def read_as_is(path: Path) -> xr.Dataset:
 
 
 def parse_place(text: str, name: str) -> tuple[float, ...]:
-    """A place or direction from X,Y or X,Y,Z.
+    """A position or direction from the text X,Y or X,Y,Z; `name` is that of the option.
 
     Raises
     ------
@@ -345,7 +347,7 @@ def parse_place(text: str, name: str) -> tuple[float, ...]:
 
 
 def parse_gate(text: str) -> tuple[float | None, float | None]:
-    """Ranges from START:STOP, either of which may be empty.
+    """First and last range [m] from the text START:STOP; None for a side that is empty.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The verb that lays two results side by side."""
+"""The verb `compare`: two results side by side."""
 
 from __future__ import annotations
 

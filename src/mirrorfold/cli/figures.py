@@ -1,4 +1,4 @@
-"""The figure of a file: the right function of `mirrorfold.plotting` for what it holds."""
+"""The figure of a file for the verb `show`: chooses the function of `mirrorfold.plotting` by the content."""
 
 from __future__ import annotations
 
@@ -17,19 +17,27 @@ from mirrorfold.sweep.polarization import first_polarization
 def draw(
     found: Any, what: str | None, truth: Any, floor_db: float, source: str, plan: FloorPlan | None = None
 ) -> tuple[str, Any]:
-    """Draw a file: the name of what was drawn, and the figure.
+    """Draw the content of a file.
 
     Parameters
     ----------
     found : sweep, image, reconstruction, scene or floor plan
     what : str, optional
-        Which picture of a reconstruction, as ``--what`` names it.
+        Which picture of a reconstruction, as the option ``--what`` names it.
     truth : Scene or Scene3D, optional
+        The true scene, drawn thin.
     floor_db : float [dB]
+        Level below which images are blank.
     source : str
-        Names the file in messages.
+        Name of the file, for messages.
     plan : FloorPlan, optional
         Known walls, drawn thin.
+
+    Returns
+    -------
+    name : str
+        Name of the picture that was drawn.
+    figure : matplotlib.figure.Figure
 
     Raises
     ------
@@ -56,7 +64,7 @@ def draw(
 
 
 def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any:
-    """The axes with the floor plan of an image, or with the plan view of a volume."""
+    """The axes with an image, or with the plan view of a volume, and with the true scene if it is given."""
     image = first_polarization(image)
     normalization, radar = "r", (0.0, 0.0)
     if image.dims == ("range", "azimuth", "elevation"):
@@ -72,7 +80,7 @@ def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any
     if "polarization" in image.coords:
         axes.set_title(f"polarization {image['polarization'].values}")
     if truth is not None:
-        _flat(truth, source)
+        _check_floor_plan(truth, source)
         mf.plot.scene(truth, axes)
     return axes
 
@@ -80,6 +88,7 @@ def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any
 def _reconstruction(
     found: xr.DataTree, what: str | None, truth: Any, floor_db: float, source: str, plan: FloorPlan | None
 ) -> tuple[str, Any]:
+    """Draw a picture of a reconstruction; parameters and results as of `draw`."""
     volume = "z" in found.children["objects"].variables
     recording = frame_count(found) is not None
     what = what or ("frames" if recording else "space" if volume else "before-after")
@@ -100,7 +109,7 @@ def _reconstruction(
     if what == "tree":
         return what, mf.plot.tree(found).figure
     if truth is not None and not volume:
-        _flat(truth, source)
+        _check_floor_plan(truth, source)
     flat_truth = None if volume else truth
     if what == "before-after":
         return what, mf.plot.before_after(found, truth, plan=plan, floor_db=floor_db)
@@ -121,6 +130,7 @@ def _reconstruction(
     return what, axes.figure
 
 
-def _flat(truth: Any, source: str) -> None:
+def _check_floor_plan(truth: Any, source: str) -> None:
+    """Refuse a scene in three dimensions for a file of a floor plan."""
     if truth.dimensions != 2:
         raise InputError(f"{source}: has 2 dimensions and the scene {truth.dimensions}; give its own scene")

@@ -1,4 +1,4 @@
-"""What the verbs would take, before their work is begun."""
+"""Forecasts of the time and memory of verbs, for ``--dry-run``."""
 
 from __future__ import annotations
 
@@ -18,12 +18,21 @@ if TYPE_CHECKING:
 
 
 def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -> Choice:
-    """The choice of an algorithm for the sweep in a file; with time and memory of all steps where it is to be folded.
+    """The choice of the focusing algorithm for the sweep in a file, with the time and memory that it needs.
+
+    Parameters
+    ----------
+    path : path
+        File of the sweep.
+    given : dict
+        Options of the verb, with the settings of focusing among them.
+    folded : bool
+        Whether to add the time and memory of folding.
 
     Raises
     ------
     InputError
-        If the sweep cannot be read, or not be imaged as is asked.
+        If the sweep cannot be read, or not be focused with these settings.
     """
     from mirrorfold.describing.planning import FOLDING_PIXELS_PER_SECOND
     from mirrorfold.focusing import choose_algorithm
@@ -33,19 +42,28 @@ def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -
     found = choose_algorithm(sweep, frames=int(sweep.sizes.get("frame", 1)), **own)
     if not folded:
         return found
-    memory = max(found.memory_gb, _folding_gb(sweep, found, own))
+    memory = max(found.memory_gb, _folding_memory_gb(sweep, found, own))
     return found.but(folding_s=found.pixels / FOLDING_PIXELS_PER_SECOND, memory_gb=memory)
 
 
-def _folding_gb(sweep: xr.Dataset, found: Choice, own: dict[str, Any]) -> float:
-    """Memory [GB] of steps 2 to 6, samples and the tables of the plan included."""
+def _folding_memory_gb(sweep: xr.Dataset, found: Choice, own: dict[str, Any]) -> float:
+    """Memory [GB] of steps 2 to 6, with the samples and the tables of the focusing plan.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+    found : Choice
+        The chosen algorithm.
+    own : dict
+        Settings of focusing.
+    """
     from mirrorfold.common.forecasts import GIGABYTE, total
     from mirrorfold.focusing.forecast import expected_image
     from mirrorfold.folding.memory import fold_parts
     from mirrorfold.sweep import is_monostatic, is_raster
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the choice has told them
+        warnings.simplefilter("ignore")  # choosing the algorithm has issued these warnings already
         image = expected_image(sweep, **{**own, "normalization": None})
     tested = not is_raster(sweep) and not is_monostatic(sweep)
     parts = {"samples": 8.0 * sweep["s"].size} | fold_parts(image, sweep if tested else None)
@@ -54,7 +72,7 @@ def _folding_gb(sweep: xr.Dataset, found: Choice, own: dict[str, Any]) -> float:
 
 
 def forecast_fold(path: Path, sweep: Path | None, memory_limit: float | None) -> Forecast:
-    """What folding the image in a file would take.
+    """The memory that folding the image in a file would need, by its parts.
 
     Raises
     ------
@@ -75,7 +93,7 @@ def forecast_fold(path: Path, sweep: Path | None, memory_limit: float | None) ->
 
 
 def show_forecast(found: Choice | Forecast, *, json: bool) -> None:
-    """Print a forecast: the grid and the algorithms where there are some, and what the work would take."""
+    """Print a forecast: the time and memory of the work, and for focusing the grid and the table of algorithms."""
     if json:
         show_json(found)
         return

@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
 NAMES_WIDTH = 28
-"""Columns for the names of options; longer names get a line of their own."""
+"""Width of the column with the names of options [characters]; longer names get a line of their own."""
 
 LEAST_TEXT = 30
-"""Columns that are left for the text even in a narrow window."""
+"""Least width of the column with the meanings, even in a narrow window [characters]."""
 
 
 class PlainHelp:
@@ -45,7 +45,7 @@ class PlainHelp:
             console.print()
 
     def render_description(self, console: Console, options: ConsoleOptions, description: Any) -> None:
-        """Print what the verb is for."""
+        """Print the purpose of the verb."""
         text = _text(description)
         if text:
             _print(console, textwrap.fill(text, console.width, break_on_hyphens=False))
@@ -53,7 +53,7 @@ class PlainHelp:
 
 
 def _meaning(entry: HelpEntry) -> str:
-    """What an option means, with its choices and its default."""
+    """The meaning of an option, with its choices and its default."""
     parts = [_text(entry.description)]
     if entry.choices:
         parts.append(f"[{', '.join(entry.choices)}]")
@@ -65,7 +65,7 @@ def _meaning(entry: HelpEntry) -> str:
 
 
 def _text(words: Any) -> str:
-    """A string, or a text or other renderable of rich, as one line without colours."""
+    """A string, or a text or other renderable of the library rich, as one line without colours."""
     if words is None:
         return ""
     if not isinstance(words, str) and not hasattr(words, "plain") and hasattr(words, "__rich_console__"):
@@ -81,4 +81,5 @@ def _text(words: Any) -> str:
 
 
 def _print(console: Console, line: str) -> None:
+    """Print a line as it is, without wrapping or highlighting."""
     console.print(line, highlight=False, markup=False, soft_wrap=True)

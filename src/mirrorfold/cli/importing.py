@@ -1,4 +1,4 @@
-"""The verbs ``import`` and ``export``: measured data of any lab, in and out."""
+"""The verbs ``import``, for measured data of any lab, and ``export``, for other programs."""
 
 from __future__ import annotations
 
@@ -84,38 +84,38 @@ def import_(
     output
         Sweep or image to write (netCDF); with --guess the mapping file (TOML).
     mapping
-        Mapping file (TOML) that says what the variables are, or the name of one that comes along: arim, gotcha, merit.
-        Files of acconeer need none.
+        Mapping file (TOML) that says what the variables mean, or the name of a shipped one: arim, gotcha, merit. Files
+        of acconeer need none.
     positions
         Table (CSV) or description (TOML, JSON) of where the antennas stood for each file.
     parameter
         Scattering parameter to take from files with several, such as S21.
     reader
-        Format of the files, where it is not recognised.
+        Format of the files, if it is not recognised.
     frame
-        Of a recording with several frames the one to keep, or their mean.
+        Frame to keep of a recording with several, or mean for the mean of all.
     polarization
-        What each file, folder or sweep was measured with, TE (E along the vertical axis) or TM (E in the floor plan):
-        `mirrorfold import te.nc tm.nc --polarization TE,TM -o both.nc` makes one sweep of two. The other options count
-        for each of them.
+        Polarization of each file, folder or sweep, TE (E along the vertical axis) or TM (E in the floor plan):
+        `mirrorfold import te.nc tm.nc --polarization TE,TM -o both.nc` makes one sweep of two. The other options apply
+        to each of them.
     guess
-        Propose a mapping: print what was inferred, how sure, and the text.
+        Propose a mapping: print what was inferred, how sure each finding is, and the text of the mapping file.
     image
         Name of the variable with an image; imports an image instead of a sweep.
     x
-        Name of the variable with the cross-range of the pixels, where it is not recognised.
+        Name of the variable with the cross-range of the pixels, if it is not recognised.
     y
         Name of the variable with the range of the pixels, likewise.
     z
         Name of the variable with the height of the pixels, likewise.
     order
-        Axes of an image in the file, such as xy.
+        Order of the axes of an image in the file, such as xy.
     unit
-        Of the coordinates of an image or point cloud.
+        Unit of the coordinates of an image or point cloud.
     decibel
         The amplitudes of the image or points are in dB.
     cell
-        Width of the cells that a point cloud is gridded with [m].
+        Width of the cells of the grid on which a point cloud is put [m].
     json
         Print what was found as one JSON object.
     """
@@ -150,7 +150,8 @@ def import_(
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
     named = [finding.what for finding in facts.get("findings", ())]
-    notes = [one for one in notes if not any(one.startswith(what) for what in named)]  # said with its remedy below
+    # `facts.remarks` repeats the warnings of findings, with their remedy.
+    notes = [one for one in notes if not any(one.startswith(what) for what in named)]
     remarks = [*notes, *facts.remarks]
     remark(remarks)
     if json:
@@ -161,12 +162,20 @@ def import_(
 
 
 def _polarized(files: Sequence[Path], text: str, read: Callable[[Path], xr.Dataset]) -> xr.Dataset:
-    """One sweep of files that were measured with one polarization each, in the order of their names.
+    """One sweep from files that were measured with one polarization each.
+
+    Parameters
+    ----------
+    files : list of path
+    text : str
+        Names of the polarizations of the files, in their order, such as ``TE,TM``.
+    read : callable
+        Reads the sweep of a file.
 
     Raises
     ------
     InputError
-        If there is not one name for each file, or they do not fit together.
+        If there is not one name for each file, or the sweeps do not fit together.
     """
     from mirrorfold.common.slabs import POLARIZATIONS
     from mirrorfold.sweep.polarization import join_polarizations
@@ -188,14 +197,14 @@ def _polarized(files: Sequence[Path], text: str, read: Callable[[Path], xr.Datas
 
 
 def _is_image(files: list[Path], mapping: str | None, positions: Path | None) -> bool:
-    """Whether a file can be nothing but an image or a point cloud."""
+    """Whether the files are point clouds, which are imported as images, by their suffixes."""
     from mirrorfold.io.readers.cloud import SUFFIXES
 
     return mapping is None and positions is None and all(file.suffix.lower() in SUFFIXES for file in files)
 
 
 def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:
-    """Propose a mapping."""
+    """Propose a mapping for the first file: print it, and write it if an output is given."""
     from mirrorfold.io.files import written_whole
     from mirrorfold.io.guessing.guess import guess_mapping
 
@@ -234,11 +243,11 @@ def export(
     file
         Sweep, image or reconstruction (netCDF).
     output
-        Of a sweep, a folder: a Touchstone file for each position, and a table of the positions. Of a reconstruction, a
-        file: points (.ply, .pcd, .csv, .xyz, .vtp), pictures (.vti), floor plan (.dxf, .geojson). Of an image .vti, of
-        the volume of a raster scan .vts.
+        For a sweep, a folder: a Touchstone file for each position, and a table of the positions. For a reconstruction,
+        a file: points (.ply, .pcd, .csv, .xyz, .vtp), pictures (.vti), floor plan (.dxf, .geojson). For an image .vti,
+        for the volume of a raster scan .vts.
     what
-        What of a reconstruction a .vtp file holds: its points, or its mirrors as walls, with their images.
+        Content of a .vtp file of a reconstruction: its points, or its mirrors as walls, with their images.
     min_confidence
         Least confidence of points that are written, from 0 to 1; by default as the reconstruction was folded.
     json

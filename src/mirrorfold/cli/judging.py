@@ -1,4 +1,4 @@
-"""The verbs that judge: what a file holds, what looks wrong in it, and how far a reconstruction is from the truth."""
+"""The verbs `info`, the content of a file and its probable mistakes, and `score`, the errors of a reconstruction."""
 
 from __future__ import annotations
 

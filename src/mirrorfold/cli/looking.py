@@ -1,4 +1,4 @@
-"""The verbs that look at files: a report to keep, a live page that folds anew, and a figure."""
+"""The verbs `report`, `view` and `show`: a page to keep, a live page in the browser, and a figure."""
 
 from __future__ import annotations
 
@@ -90,11 +90,11 @@ def view(
     Parameters
     ----------
     file
-        Sweep, image or reconstruction (netCDF). What is wrong with it is said in the page.
+        Sweep, image or reconstruction (netCDF). The page lists what is wrong with it.
     scene
         Scene file with the truth (TOML).
     port
-        Port of the page, on this machine alone; any that is free by default.
+        Port of the page, on this machine alone; by default any free one.
     no_open
         Do not open the browser.
     json

@@ -1,4 +1,4 @@
-"""Many sweeps in one command: one after the other, each in a folder of its own, with one summary."""
+"""Reconstruction of many sweeps by one command: one after the other, each in its own folder, with one summary."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ class Summary(Record):
 def reconstruct_many(
     sweeps: Sequence[Path], output: Path, work: Callable[[Path, Path], tuple[xr.DataTree, list[Path]]], *, json: bool
 ) -> None:
-    """Reconstruct each sweep in a folder of its own, and print what became of them.
+    """Reconstruct each sweep in a folder of its own, and print a summary.
+
+    If a sweep fails, the others are reconstructed all the same.
 
     Parameters
     ----------
@@ -47,8 +49,9 @@ def reconstruct_many(
     output : path
         Directory for the folders.
     work : callable
-        Reconstructs a sweep to a folder; returns the reconstruction and the files written.
+        Called with the path of a sweep and its folder; returns the reconstruction and the files that were written.
     json : bool
+        Whether to print the summary as one JSON object.
 
     Raises
     ------
@@ -60,9 +63,9 @@ def reconstruct_many(
     for path, name in zip(sweeps, folder_names(sweeps), strict=True):
         try:
             reconstruction, files = work(path, output / name)
-        except (InputError, OSError, MemoryError) as error:  # the other sweeps are none the worse for it
+        except (InputError, OSError, MemoryError) as error:  # the other sweeps are reconstructed all the same
             said = str(error) if isinstance(error, InputError) else machine_trouble(error)
-            if not json:  # the summary says it
+            if not json:  # with JSON, the summary holds the error
                 print_error(f"mirrorfold: {printable(said)}")
             results.append(SweepResult(sweep=str(path), mirrors=None, points=None, hidden=None, error=said, files=[]))
             continue
@@ -85,7 +88,9 @@ def reconstruct_many(
 
 
 def folder_names(sweeps: Sequence[Path]) -> list[str]:
-    """A folder for each sweep: its name without the suffix, and where two share one, its own folders before it.
+    """The name of the folder for each sweep: the name of its file without the suffix.
+
+    If two of these are equal, all names begin with the folders in which the files lie.
 
     Raises
     ------

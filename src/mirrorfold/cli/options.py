@@ -1,4 +1,4 @@
-"""The application, options that several verbs share with their types and texts, and the command line being run."""
+"""The application, the options that several verbs share, with their types and help, and the running command line."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ app = App(
     suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative="", negative_iterable=()),
 )
-"""What the verbs are registered with; `mirrorfold.cli.program` does so."""
+"""The application; `mirrorfold.cli.program` registers the verbs with it."""
 
+# Types of options that several verbs share; the annotation holds the help.
 Output = Annotated[Path, Parameter(alias="-o")]
 OptionalOutput = Annotated[Path | None, Parameter(alias="-o")]
 Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
-"""Several numbers in one text, such as ``-2:2:0.005`` or ``0,1.5``."""
+"""Option with several numbers in one text, such as ``-2:2:0.005`` or ``0,1.5``."""
 
 CrossRanges = Annotated[
     Numbers,
@@ -59,21 +60,36 @@ Frame = Annotated[int | None, Parameter(help="Which frame of a recording, from 0
 Export = Annotated[Path | None, Parameter(help="File for other programs to write too: see `mirrorfold export --help`.")]
 
 LARGEST_INTEGER = 2.0**63
-"""Files hold no larger whole numbers."""
+"""Limit of whole numbers, exclusive; files hold no larger ones."""
 
 command: ContextVar[str] = ContextVar("command", default="mirrorfold")
-"""The command line being run, which results carry along."""
+"""The running command line, which is stored in results."""
 
 
 def parse_numbers(
     text: str, option: str, form: str, kind: str, *, mark: str = ":", unit: str | None = None
 ) -> list[float]:
-    """The numbers of an option in SI units, with or without units; see `parse_quantities`.
+    """The numbers in the text of an option, in SI units; see `parse_quantities`.
+
+    Parameters
+    ----------
+    text : str
+        Numbers with or without units.
+    option : str
+        Name of the option, for the message.
+    form : str
+        The expected form, for the message, such as ``START:STOP in metres, for example 0.3:4``.
+    kind : str
+        Kind of the units, such as ``length``.
+    mark : str
+        Character between the numbers.
+    unit : str, optional
+        Unit of numbers that are written without one.
 
     Raises
     ------
     InputError
-        With the option and the form that was expected, such as ``START:STOP in metres, for example 0.3:4``.
+        If the text has no such numbers.
     """
     try:
         return parse_quantities(text, kind, mark=mark, unit=unit)
@@ -82,11 +98,11 @@ def parse_numbers(
 
 
 def completed(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Complete the options of a verb; changes the function in place.
+    """Complete the options of a verb; changes the function in place, and returns it.
 
-    Every flag that is on by default gets an opposite, ``--no-NAME``; one that is off by default, such as ``--json``, is
-    off where it is not given. Every number with a unit (`Quantity`) may be written with another one, as in ``80mm``;
-    fractions of whole numbers are refused.
+    A flag that is on by default gets an opposite, ``--no-NAME``; a flag that is off by default, such as ``--json``,
+    gets none. A number with a unit (`Quantity`) may be written with another unit of its kind, as in ``80mm``. A
+    fraction is refused where a whole number is expected.
     """
     signature = inspect.signature(function)
     hints = get_type_hints(function, include_extras=True)
@@ -110,19 +126,22 @@ def completed(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _quantity(hint: Any) -> Quantity | None:
-    """The kind of quantity that a type such as ``Length | None`` stands for."""
+    """The `Quantity` in a type such as ``Length | None``; None for types without one."""
     found = [item for item in getattr(hint, "__metadata__", ()) if isinstance(item, Quantity)]
     found += [inner for part in getattr(hint, "__args__", ()) if (inner := _quantity(part)) is not None]
     return found[0] if found else None
 
 
 def _converter(read: Callable[[Any], Any]) -> Callable[[Any, Sequence[Any]], Any]:
-    """What cyclopts calls with the type and the words of an option."""
+    """The converter that cyclopts calls with the type and the tokens of an option; `read` reads the first token."""
     return lambda _, tokens: read(tokens[0].value)
 
 
 def _whole_names(hint: Any) -> tuple[str, ...] | None:
-    """The names beside a whole number, in a type such as ``int | Literal["mean"] | None``; None for other types."""
+    """The names that are allowed in place of a whole number, in a type such as ``int | Literal["mean"] | None``.
+
+    None for types without a whole number.
+    """
     if get_origin(hint) is Annotated:
         return _whole_names(get_args(hint)[0])
     if int not in (hint, *get_args(hint)):

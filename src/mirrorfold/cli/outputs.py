@@ -1,4 +1,4 @@
-"""The verb that says what the other verbs print with ``--json``."""
+"""The verb `schema`: the JSON Schema of the output of the other verbs with ``--json``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def schema(verb: str, *, json: bool = False) -> None:
     verb
         The verb whose output is described.
     json
-        Changes nothing: the schema is a JSON object.
+        Has no effect: the schema is a JSON object in any case.
     """
     from mirrorfold.cli.schema import json_schema, outputs
 

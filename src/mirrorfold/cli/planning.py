@@ -1,4 +1,4 @@
-"""The verb `plan`."""
+"""The verb `plan`: what a measurement will show, before it is made."""
 
 from __future__ import annotations
 
@@ -70,11 +70,11 @@ def plan(
 
 
 UNLISTED = ("walls", "link_budget", "hidden_quality", "kind", "files")
-"""Facts of a plan that have tables of their own, or are not for people."""
+"""Facts of a plan that are not listed by name and value: they have tables of their own, or are not for people."""
 
 
 def parse_band(text: str) -> tuple[float, float]:
-    """Two frequencies [Hz] from START:STOP.
+    """Lowest and highest frequency [Hz] from the text START:STOP.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def parse_band(text: str) -> tuple[float, float]:
 
 
 def parse_roughness(text: str) -> tuple[float, float | None]:
-    """Rms height and correlation length [m] from H or H,L, in micrometres unless they have units.
+    """Rms height and correlation length [m] from the text H or H,L, in micrometres unless it has units.
 
     Raises
     ------

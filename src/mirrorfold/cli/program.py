@@ -1,4 +1,4 @@
-"""The program: its verbs under their names, and the run of one of them."""
+"""The program: registers all verbs under their names, and runs one of them."""
 
 from __future__ import annotations
 
@@ -38,13 +38,14 @@ FUNCTIONS = (
     *(importing.import_, importing.export, calibration.calibrate, planning.plan),
     *(looking.report, looking.view, looking.show, shell.completion, outputs.schema),
 )
+"""The functions of all verbs but `benchmark`."""
 
 OWN_FILES = ("reproduce",)
-"""Verbs that go on from what they have written before, and replace what of it is damaged; `benchmark` is another."""
+"""Verbs that continue from files that they have written before, and replace damaged ones; `benchmark` is another."""
 
 for function in FUNCTIONS:
     parameters = signature(function).parameters
-    name = function.__name__.rstrip("_")  # `import` is a word of the language
+    name = function.__name__.rstrip("_")  # `import` is a keyword of Python, so its function is called `import_`
     verb = completed(function)
     if "dry_run" in parameters:
         verb = with_verbose(verb)
@@ -66,7 +67,7 @@ benchmark = App(
     help_epilogue=f"Example: {VERBS['benchmark'].example}\n",
     version_flags=[],
 )
-"""The only verb with a verb below it, `benchmark compare`."""
+"""The only verb that has a verb below it: `benchmark compare`."""
 
 benchmark.default(with_no_clobber(completed(benchmarking.benchmark)))
 benchmark.command(
@@ -101,7 +102,7 @@ def run(arguments: Sequence[str]) -> None:
 
 
 def _no_verb(word: str) -> str:
-    """What to say of a first word that is no verb."""
+    """The message for a first argument that is no verb."""
     close = get_close_matches(word, VERBS, n=1)
     if close:
         return f"{word!r} is no verb, did you mean {close[0]!r}?"

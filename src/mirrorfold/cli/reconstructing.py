@@ -1,6 +1,6 @@
-"""The verbs that see around the corner: step 1 of the algorithm, steps 2 to 6, and all of them in one command.
+"""The verbs of the algorithm: `focus`, step 1; `fold`, steps 2 to 6; and `reconstruct`, all steps in one command.
 
-Outputs are checked before the work begins, so that no hour ends in a missing directory.
+Outputs are checked before the work begins, so that hours of work are not lost to a missing directory.
 """
 
 from __future__ import annotations
@@ -77,12 +77,12 @@ def focus(
     sweep
         Sweep to read (netCDF).
     output
-        Image to write (netCDF); needed but for a dry run.
+        Image to write (netCDF); not needed for a dry run.
     **given
     dry_run
-        Say which algorithm would be taken, why, and what time and memory it would need; write nothing.
+        Print which algorithm would be taken, why, and the time and memory that it would need; write nothing.
     json
-        Print what the image holds as one JSON object.
+        Print the facts of the image as one JSON object.
     """
     given |= parse_grid(x=x, y=y, z=z)
     if dry_run:
@@ -122,14 +122,14 @@ def fold(
     image
         Image to read (netCDF), or a reconstruction, whose initial image is folded again.
     output
-        Reconstruction to write (netCDF); needed but for a dry run.
+        Reconstruction to write (netCDF); not needed for a dry run.
     sweep
-        Sweep that the image was focused from (netCDF); tells mixed-path ghosts from true echoes.
+        Sweep that the image was focused from (netCDF); with it, mixed-path ghosts are told from true echoes.
     **given
     memory_limit
-        Memory that the process may hold in all; what needs more is refused before the work [B].
+        Memory that the process may hold in all; work that needs more is refused before it begins [B].
     dry_run
-        Say what memory the work would need, and of what; write nothing.
+        Print the memory that each part of the work would need; write nothing.
     json
         Print mirrors and counts as one JSON object.
     """
@@ -176,17 +176,17 @@ def reconstruct(
     Parameters
     ----------
     sweep
-        Sweep to read (netCDF). Of several, each gets a folder of its own in the output, and a line in the summary.
+        Sweep to read (netCDF). If there are several, each gets its own folder in the output, and a line in the summary.
     output
-        Directory for reconstruction.nc, before_after.png and report.html; of a raster scan, body.png and space.png too,
-        of a recording frames.png. Needed but for a dry run.
+        Directory for reconstruction.nc, before_after.png and report.html; for a raster scan, body.png and space.png
+        too, for a recording frames.png. Not needed for a dry run.
     tolerance
         Largest relative L2 error of the image; folding needs no better one.
     **given
     dry_run
-        Say what the image would be, by which algorithm, and what time and memory all steps would need; write nothing.
+        Print the size of the image, its algorithm, and the time and memory that all steps would need; write nothing.
     json
-        Print mirrors, counts and files as one JSON object; of several sweeps the summary.
+        Print mirrors, counts and files as one JSON object; for several sweeps the summary.
     """
     if not sweep:
         raise InputError("no sweep is given; name the file to reconstruct, for example sweep.nc")
@@ -218,14 +218,14 @@ def reconstruct(
 def _reconstruct_file(
     path: Path, output: Path, given: dict[str, Any], *, mirrors: Any, plan: Any, inputs: list[Path]
 ) -> tuple[xr.DataTree, list[Path]]:
-    """Reconstruct one file; returns the reconstruction and the files that were written to the directory `output`."""
+    """Reconstruct the sweep in one file; returns the reconstruction and the files written to the directory `output`."""
     from mirrorfold.io.files import directory_written_whole
 
     reconstruct_sweep = mf.reconstruct  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
         reading, described = _read_beside(beside, path, given)
     measured = reading.result()
-    remark(described.result().remarks)  # before the work, which may take long
+    remark(described.result().remarks)  # remarks are printed before the work, which may take long
     with frames_kept(measured, output, [path, *inputs], given) as kept:
         with progress(f"reconstructing {path.name}") as report:
             reconstruction = reconstruct_sweep(measured, mirrors=mirrors, progress=report, **kept, **given)
@@ -238,17 +238,38 @@ def _reconstruct_file(
 def _read_beside(
     beside: Executor, path: Path, given: dict[str, Any], *, diagnose: bool = True
 ) -> tuple[Future[xr.Dataset], Future[SweepFacts]]:
-    """The sweep and what is said of it, while the plan of its image is made, which focusing then finds."""
+    """Read and describe a sweep in another thread, while the plan of its image is made in this one.
+
+    The plan goes to the cache, where focusing finds it.
+
+    Parameters
+    ----------
+    beside : Executor
+        Runs the other thread.
+    path : path
+        File of the sweep.
+    given : dict
+        Options of the verb, with the settings of focusing among them.
+    diagnose : bool
+        Whether to search the sweep for mistakes.
+
+    Returns
+    -------
+    reading : Future of xarray.Dataset
+        The sweep.
+    described : Future of SweepFacts
+        Facts and remarks about the sweep.
+    """
     from mirrorfold.focusing import plan_cache, prepare
     from mirrorfold.io import load_geometry
 
     geometry, describe = None, mf.info
-    with suppress(InputError):  # reading it all says what is wrong
+    with suppress(InputError):  # reading the whole file reports the error
         geometry = load_geometry(path)
     reading = beside.submit(read, path, "sweep")
     described = beside.submit(lambda: describe(reading.result(), diagnose=diagnose))
     if geometry is not None:
         imaging = {name: given[name] for name in FocusSettings.rules() if name in given}
-        with suppress(InputError):  # focusing says what is wrong
+        with suppress(InputError):  # focusing reports the error
             prepare(geometry, plans=plan_cache, **imaging)
     return reading, described

@@ -1,4 +1,4 @@
-"""The verb that makes the published experiments anew."""
+"""The verb `reproduce`: the published experiments, repeated."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def reproduce(
     Parameters
     ----------
     names
-        Of the experiments, or `all`, which is meant where none is named.
+        Names of experiments, or `all`, which is the default.
     output
         Folder for the results: a folder for each experiment with pictures, data and a page; an index; and one HTML page
         to read offline. Experiments that are complete there are not made again, so an interrupted command goes on where
@@ -57,7 +57,7 @@ def reproduce(
     quick
         Make all at reduced size, in minutes.
     again
-        Make those again, too, that are complete.
+        Make complete experiments again, too.
     catalogue
         List the experiments, and do nothing else.
     json

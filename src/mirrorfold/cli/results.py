@@ -1,4 +1,4 @@
-"""What several verbs do: read what they expect, write results and pictures, and say what was found."""
+"""Steps that several verbs share: reading of inputs, writing of results and pictures, and reporting."""
 
 from __future__ import annotations
 
@@ -24,20 +24,27 @@ if TYPE_CHECKING:
 PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
 BODY, SPACE = "body.png", "space.png"
 REPORT, FRAMES = "report.html", "frames.png"
+"""Names of the files of a reconstruction."""
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def read(path: Path, *expected: str) -> Any:
-    """A file that must hold a sweep, an image or a reconstruction, whichever of them is expected.
+    """The content of a file, which must be of an expected kind.
+
+    Parameters
+    ----------
+    path : path
+    *expected : {"sweep", "image", "reconstruction"}
+        The allowed kinds.
 
     Raises
     ------
     InputError
-        If the file holds something else.
+        If the content is of another kind.
     """
     import xarray as xr
 
@@ -50,22 +57,24 @@ def read(path: Path, *expected: str) -> Any:
 
 
 def parse_grid(**axes: str | None) -> dict[str, Any]:
-    """Pixel coordinates [m] of the axes that are given, by name.
+    """Pixel coordinates [m] of the axes that are not None, by name.
 
     Raises
     ------
     InputError
-        If one of them cannot be read.
+        If the text of an axis is wrong.
     """
     return {name: parse_axis(text, name) for name, text in axes.items() if text is not None}
 
 
 AXIS_BYTES = 24.0
-"""Memory that each coordinate of an axis takes while the axis is made."""
+"""Memory for each coordinate of an axis while the axis is made [bytes]."""
 
 
 def parse_axis(text: str, name: str) -> Any:
-    """Pixel coordinates from START:STOP:STEP, the stop included where the steps reach it, or from one number.
+    """Pixel coordinates [m] from the text START:STOP:STEP, or a single one from one number.
+
+    STOP is included if the steps reach it exactly.
 
     Raises
     ------
@@ -93,7 +102,10 @@ def parse_axis(text: str, name: str) -> Any:
 def write_results(
     reconstruction: xr.DataTree, directory: Path, scene: Any = None, plan: FloorPlan | None = None
 ) -> list[str]:
-    """Write a reconstruction and its pictures, of a recording those of its first frame; returns the files' names."""
+    """Write a reconstruction, its report and its pictures to a directory; returns the names of the files.
+
+    For a recording, report and pictures show the first frame, and one picture shows all frames.
+    """
     from mirrorfold.folding.frames import frame_count
 
     mf.save(reconstruction, directory / RECONSTRUCTION)
@@ -121,7 +133,21 @@ def write_results(
 
 @contextmanager
 def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: Mapping[str, Any]) -> Iterator[Any]:
-    """The keyword with which a recording keeps its frames beside the output until the end, and goes on from them."""
+    """Keep the finished frames of a recording in a folder beside the output, so that an interrupted run continues.
+
+    The folder is removed when the block ends without an error. Yields the keyword arguments for `mirrorfold.fold` or
+    `mirrorfold.reconstruct`; none if `recording` has no frames.
+
+    Parameters
+    ----------
+    recording : sweep, image or reconstruction
+    output : path
+        Output of the verb.
+    inputs : list of path
+        Files that the frames are made from.
+    settings : dict
+        Settings that the frames are made with.
+    """
     from mirrorfold.folding.frames import frame_count
 
     if frame_count(recording) is None:
@@ -141,7 +167,7 @@ def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: 
 
 
 def given_mirrors(path: Path | None) -> Any:
-    """Mirrors of a file: an array, or a floor plan, whose walls are yet to be looked for in an image."""
+    """The known mirrors in a file: an array of mirrors, or a floor plan, whose walls are matched to the image later."""
     from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
     from mirrorfold.io.plans import is_plan, read_plan
 
@@ -151,7 +177,7 @@ def given_mirrors(path: Path | None) -> Any:
 
 
 def given_plan(path: Path | None) -> Any:
-    """The floor plan of a file, if one is given."""
+    """The floor plan in a file; None if no file is given."""
     if path is None:
         return None
     from mirrorfold.io.plans import read_plan
@@ -160,7 +186,7 @@ def given_plan(path: Path | None) -> Any:
 
 
 def check_export(path: Path | None, inputs: Iterable[Path]) -> None:
-    """Refuse a file for other programs that could not be written, or is an input, before the work begins."""
+    """Refuse, before the work begins, an export that cannot be written or would overwrite an input."""
     if path is not None:
         from mirrorfold.io.exports.results import check_export_path
 
@@ -169,7 +195,7 @@ def check_export(path: Path | None, inputs: Iterable[Path]) -> None:
 
 
 def write_export(reconstruction: Any, path: Path | None) -> list[Path]:
-    """Write the file for other programs, if one is asked for; returns its path."""
+    """Export a reconstruction for other programs, if a path is given; returns the written files."""
     return [] if path is None else [mf.export(reconstruction, path)]
 
 
@@ -181,7 +207,7 @@ def write_json(result: Record, path: Path) -> None:
 
 
 def report_reconstruction(reconstruction: xr.DataTree, files: Sequence[Path], *, json: bool) -> None:
-    """Print mirrors and counts, and where the files are."""
+    """Print the mirrors, the numbers of points, and the files of a reconstruction."""
     found = mf.info(reconstruction)
     remark(found.remarks)
     if json:

@@ -1,4 +1,4 @@
-"""Which verb prints what with ``--json``: its records, their JSON Schema, and their fields in words."""
+"""The output of each verb with ``--json``: its records, their JSON Schema, and their fields in words."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from mirrorfold.simulation.raster.estimate import ScanEstimate
 from mirrorfold.simulation.rays.tiles import RayEstimate
 
 UsableSweep = ArraySweepFacts | RasterSweepFacts
+"""Facts of a valid sweep."""
 
 OUTPUTS: dict[str, Any] = {
     "demo": PlanScore | VolumeScore,
@@ -54,18 +55,18 @@ OUTPUTS: dict[str, Any] = {
     "plan": Plan,
     "completion": Completion,
 }
-"""The records of each verb; `schema` itself prints a JSON Schema."""
+"""The records that each verb may print; `schema` itself is missing, because it prints a JSON Schema."""
 
 
 def outputs() -> dict[str, Any]:
-    """The records of the verbs that there are."""
+    """The records that each verb may print, in the order of the verbs."""
     from mirrorfold.cli import VERBS
 
     return {verb: OUTPUTS[verb] for verb in VERBS if verb in OUTPUTS}
 
 
 def check(verb: str, printed: str) -> Any:
-    """What a verb has printed, as its record.
+    """The printed output of a verb as a record, checked.
 
     Parameters
     ----------
@@ -76,8 +77,8 @@ def check(verb: str, printed: str) -> Any:
     Raises
     ------
     pydantic.ValidationError
-        If it is not what the verb promises: a field that is not declared is a mistake, and so is a value of another
-        type.
+        If the output does not match the records of the verb: no other fields, and no values of other types, are
+        allowed.
     """
     return TypeAdapter(OUTPUTS[verb]).validate_json(printed)
 
@@ -92,18 +93,18 @@ def json_schema(verb: str) -> dict[str, Any]:
 
 
 class RecordSchema(GenerateJsonSchema):
-    """Makes JSON Schemas without a warning for facts that may be left out, whose default JSON cannot hold."""
+    """Makes JSON Schemas, without the warning that JSON cannot hold the default of facts that may be left out."""
 
     ignored_warning_kinds = {*GenerateJsonSchema.ignored_warning_kinds, "non-serializable-default"}  # noqa: RUF012
 
 
 def models(verb_output: Any) -> tuple[type[Record], ...]:
-    """The records that an output may be one of."""
+    """The records of an output, which may be a single record or a union of several."""
     return get_args(verb_output) or (verb_output,)
 
 
 def parts(model: type[Record]) -> list[type[Record]]:
-    """The records that the fields of a record hold, in their order, each followed by those inside of it."""
+    """The records within the fields of a record, in the order of the fields, each followed by the records within it."""
     found: list[type[Record]] = []
     for annotation in _types(model).values():
         for part in _records_in(annotation):
@@ -141,18 +142,18 @@ def type_name(annotation: Any) -> str:
 
 
 def _types(model: type[Record]) -> dict[str, Any]:
-    """The types of the fields, in their order."""
+    """The types of the fields of a record by name, in their order."""
     hints = get_type_hints(model)
     return {item.name: hints[item.name] for item in fields(cast(Any, model))}
 
 
 def _records_in(annotation: Any) -> list[type[Record]]:
-    """The records that a type mentions."""
+    """The records that a type contains, such as those of a list or a union."""
     if isinstance(annotation, type) and issubclass(annotation, Record):
         return [annotation]
     return [model for part in get_args(annotation) for model in _records_in(part)]
 
 
 def _words(name: str) -> str:
-    """A class's name as plain words."""
+    """The name of a class as words in lower case."""
     return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()

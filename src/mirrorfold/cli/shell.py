@@ -1,4 +1,4 @@
-"""The verb for shells: completion of what is typed."""
+"""The verb `completion`: a script with which a shell completes verbs and options."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The verbs that begin with a scene: the demonstration, and the sweep that a radar would measure.
+"""The verbs that begin with a scene: `demo`, the demonstration, and `simulate`, the sweep that a radar would measure.
 
-Outputs are checked before the work begins, so that no hour ends in a missing directory.
+Outputs are checked before the work begins, so that hours of work are not lost to a missing directory.
 """
 
 from __future__ import annotations
@@ -41,9 +41,10 @@ DEMO_SCENES = {
     "pillar": "pillar.toml",
     "glass-door": "glass-door.toml",
 }
+"""Files of the scenes of the demonstration, by name."""
 
 DEMO_SNR_DB = 20.0
-"""Signal over noise per sample of the scans in three dimensions: modest for a vector network analyser."""
+"""Signal over noise per sample [dB] of the scans in three dimensions: modest for a vector network analyser."""
 
 
 def demo(
@@ -59,7 +60,7 @@ def demo(
     Parameters
     ----------
     scene
-        Which of the scenes that come along.
+        Name of the scene.
     out
         Directory for the scene, the sweep, the reconstruction, the pictures and the score.
     json
@@ -122,10 +123,10 @@ def simulate(
     scene
         Scene file (TOML).
     output
-        Sweep to write (netCDF); needed but for a dry run.
+        Sweep to write (netCDF); not needed for a dry run.
     solver
-        How the waves are followed: by rays, or by integral equations of conductors and dielectric walls. What follows
-        snr-db, up to resume, is for full waves alone.
+        How the waves are computed: by rays, or as full waves, by integral equations of conductors and dielectric walls.
+        The options after snr-db, up to resume, are for full waves alone.
     bounces
         Largest number of mirrors on each way, for rays alone.
     seed
@@ -147,10 +148,10 @@ def simulate(
     force
         For a raster scan: go on where returns wrap around or the scan step is wider than the beam.
     memory_limit
-        Memory that the process may hold in all, for rays alone: scatterers are taken in tiles where they must, and what
-        does not fit either is refused before the work [B].
+        Memory that the process may hold in all, for rays alone: scatterers are processed in tiles if necessary, and
+        work that does not fit even so is refused before it begins [B].
     dry_run
-        Say what the simulation would take, and write nothing.
+        Print the work, time or memory that the simulation would need; write nothing.
     json
         Print what was simulated as one JSON object.
     """

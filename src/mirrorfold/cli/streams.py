@@ -1,4 +1,4 @@
-"""The streams for output, which may be closed, broken or full."""
+"""Safe use of the output streams, which may be closed, broken or on a full disk."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from contextlib import contextmanager, suppress
 from typing import TextIO
 
 STREAMS = 3
-"""Input, output and errors have the first three handles."""
+"""Number of the standard streams: input, output and errors have the first three file handles."""
 
 
 def open_streams() -> None:
-    """Have every stream lead somewhere: a file that is opened next would take the handle of one that is closed."""
+    """Open closed standard streams to the null device; otherwise the next opened file would get their handle."""
     if None not in (sys.stdin, sys.stdout, sys.stderr):
         return
     while True:
@@ -27,23 +27,23 @@ def open_streams() -> None:
 
 @contextmanager
 def flushed(stream: TextIO) -> Iterator[None]:
-    """Print in the block to a stream, which is silent from now on if it cannot be written to."""
+    """Flush a stream after the block; if the stream cannot be written to, silence it from then on."""
     try:
         yield
         stream.flush()
-    except (OSError, ValueError):  # the latter if it is closed
+    except (OSError, ValueError):  # ValueError: the stream is closed
         silence(stream)
 
 
 def silence(stream: TextIO) -> None:
-    """Lead what a stream still holds, and all that follows, to nowhere."""
-    with suppress(OSError, ValueError):  # of a stream of a test or a notebook, which has no handle
+    """Discard the text that a stream still holds, and all text that follows."""
+    with suppress(OSError, ValueError):  # streams of tests and notebooks have no handle
         handle = os.open(os.devnull, os.O_WRONLY)
         os.dup2(handle, stream.fileno())
         os.close(handle)
 
 
 def print_error(text: str) -> None:
-    """Print a line on stderr, as far as there is somebody to read it."""
+    """Print a line on stderr, if it can be written to."""
     with flushed(sys.stderr):
         print(text, file=sys.stderr)

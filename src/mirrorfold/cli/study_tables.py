@@ -1,4 +1,4 @@
-"""Tables of what plans, benchmarks, comparisons and experiments have found, for people."""
+"""Tables, for people, of the results of plans, benchmarks, comparisons and experiments."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def show_comparison(found: Comparison) -> None:
 
 
 def show_benchmark(found: Benchmark) -> None:
-    """Print means of the figures in a line for each family, radar and method, and the worst of the hidden F-score."""
+    """Print a table for each radar, with the mean figures of each family and method, and the worst hidden F-score."""
     from mirrorfold.benchmarking.figures import FIGURES, shown_figures
 
     usual = ("f_all", "f_hidden", "precision_hidden", "f_hidden_cells", "invented_cells", "angle_deg", "offset_mm")
@@ -70,7 +70,7 @@ def show_benchmark(found: Benchmark) -> None:
 
 
 def show_benchmark_comparison(found: BenchmarkComparison) -> None:
-    """Print each figure that differs between two benchmarks, and how many do not."""
+    """Print the difference of each figure between two benchmarks, with its interval and the verdict."""
     from mirrorfold.benchmarking.figures import FIGURES
 
     table = table_of(f"{found.second} less {found.first}: mean difference of the scenes that both have")
@@ -91,7 +91,7 @@ def show_benchmark_comparison(found: BenchmarkComparison) -> None:
 
 
 def show_catalogue(found: Catalogue) -> None:
-    """Print families and radars, each with what it is."""
+    """Print all families of scenes and all radars, each with its description."""
     for title, entries in (("families", found.families), ("radars", found.radars)):
         table = table_of(title)
         table.add_column("name", no_wrap=True)
@@ -102,7 +102,7 @@ def show_catalogue(found: Catalogue) -> None:
 
 
 def show_experiments(found: Experiments) -> None:
-    """Print the experiments that can be made, in one table."""
+    """Print the table of all experiments."""
     table = table_of("Experiments")
     for heading in ("name", "published", "what"):
         table.add_column(heading)
@@ -112,7 +112,7 @@ def show_experiments(found: Experiments) -> None:
 
 
 def show_reproduction(found: Reproduction) -> None:
-    """Print the claims of experiments beside what came out, and where the pages are."""
+    """Print the published claims of experiments beside our numbers, and the paths of the pages."""
     table = table_of("")
     for heading in ("experiment", "claim", "here", "verdict"):
         table.add_column(heading)
@@ -125,7 +125,7 @@ def show_reproduction(found: Reproduction) -> None:
 
 
 def show_plan(found: Plan) -> None:
-    """Print how walls mirror and scatter, and the signal over noise that is left after each bounce."""
+    """Print the plan of a measurement: reflection and scattering of walls, signal over noise by bounces, F-scores."""
     for name, wall in found.walls.items():
         table = table_of(f"{name}: share of the power [dB]")
         table.add_column("angle of incidence [deg]")

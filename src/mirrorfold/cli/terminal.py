@@ -1,4 +1,4 @@
-"""What people and machines see: progress and remarks on stderr, results on stdout."""
+"""Output of the verbs: progress and remarks on stderr; results on stdout, as tables or as one JSON object."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from mirrorfold.scoring.score import PlanScore, VolumeScore
 
 PLAIN_WIDTH = 110
-"""Width of tables that do not go to a terminal [characters]."""
+"""Width of tables that are not printed on a terminal [characters]."""
 
 WIDE = 140
-"""Width of a table with more columns than fit into that [characters]."""
+"""Width of tables with more columns than fit into `PLAIN_WIDTH` [characters]."""
 
 UNLISTED = ("remarks", "mirrors", "surfaces", "findings", "judged", "valid", "points_by_frame")
-"""Facts that have tables or lines of their own."""
+"""Facts that are not listed by name and value, because they have tables or lines of their own."""
 
 
 @contextmanager
 def progress(description: str) -> Iterator[types.Progress | None]:
-    """A progress bar on stderr, as a function of done and total; None where stderr is not a terminal."""
+    """A progress bar on stderr: yields a function of the done and the total work; None if stderr is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -52,18 +52,18 @@ def progress(description: str) -> Iterator[types.Progress | None]:
 
 
 def remark(sentences: Iterable[str]) -> None:
-    """Print sentences that deserve attention on stderr; the verb goes on."""
+    """Print remarks on stderr; the verb goes on."""
     for sentence in sentences:
         note(sentence)
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Print a text that may quote a file."""
+    """Print a text on stdout; unprintable characters, which it may quote from a file, are replaced."""
     print(printable(text), end=end)
 
 
 class CleanTable(Table):
-    """A table whose cells may quote a file."""
+    """A table whose cells may quote a file: unprintable characters are replaced."""
 
     def add_row(self, *cells: Any, **options: Any) -> None:
         """Add a row of cells."""
@@ -80,7 +80,19 @@ def show_json(result: Mapping[str, Any]) -> None:
 
 
 def show_result(found: Record, files: Sequence[Path], show: Callable[[Any], None] | None = None, *, json: bool) -> None:
-    """Say what a verb has found, and which files it has written; its remarks go to stderr."""
+    """Print the result of a verb and the files that it has written on stdout, and its remarks on stderr.
+
+    Parameters
+    ----------
+    found : Record
+        The result, with the field `remarks`.
+    files : list of path
+        Files that were written.
+    show : callable, optional
+        Prints the result for people; by default only the files are printed.
+    json : bool
+        Whether to print one JSON object instead.
+    """
     remark(found["remarks"])
     if json:
         show_json(found.but(files=list(map(str, files))))
@@ -91,18 +103,18 @@ def show_result(found: Record, files: Sequence[Path], show: Callable[[Any], None
 
 
 def to_json(result: Mapping[str, Any]) -> str:
-    """One JSON object; numbers that are not finite become null."""
+    """The text of one JSON object; numbers that are not finite become null."""
     return json.dumps(_finite(result), indent=2)
 
 
 def show_files(files: Iterable[Any]) -> None:
-    """Say where the files are."""
+    """Print the paths of files that were written."""
     for file in files:
         say(f"wrote {file}")
 
 
 def show_info(found: Mapping[str, Any]) -> None:
-    """Print what `info` has found, as a table of names and values."""
+    """Print the facts that `info` has found, as a table of names and values, and tables of mirrors or frames."""
     table = CleanTable(show_header=False, box=None, padding=(0, 2, 0, 0))
     for name, value in found.items():
         if name in UNLISTED or value in (None, ""):
@@ -121,7 +133,7 @@ def show_info(found: Mapping[str, Any]) -> None:
 
 
 def show_options(options: Sequence[OptionFacts]) -> None:
-    """Print the table of algorithms."""
+    """Print the table of focusing algorithms, with their times and memory; the chosen one is marked by an asterisk."""
     table = table_of("algorithms, the fastest first")
     for heading in ("algorithm", "plan", "image", "in all", "memory [GB]", "why"):
         table.add_column(heading, justify="left" if heading in ("algorithm", "why") else "right")
@@ -141,11 +153,14 @@ MEASURED = (
     ("permittivity", "permittivity_error", "permittivity", ".2f", 1.0),
     ("thickness_m", "thickness_error_m", "thickness [mm]", ".2f", 1e3),
 )
-"""Columns that only some mirrors have: value, standard error, heading, format, scale."""
+"""Columns that only some mirrors have: names of the value and of its standard error, heading, format, scale."""
 
 
 def _measured(mirror: MirrorFacts, name: str, error: str, _: str, form: str, scale: float) -> str:
-    """A value with its standard error; nothing for a mirror that has none."""
+    """A value with its standard error, as text; empty for a mirror without this value.
+
+    The parameters after `mirror` are an entry of `MEASURED`.
+    """
     values = [getattr(mirror, which) for which in (name, error)]
     return " \u00b1 ".join(format(scale * value, form) for value in values if value is not None)
 
@@ -170,7 +185,7 @@ def show_mirrors(mirrors: Sequence[MirrorFacts]) -> None:
 
 
 def show_frames(found: ReconstructionFacts) -> None:
-    """Print how much was found in each frame of a recording."""
+    """Print the number of mirrors and points in each frame of a recording."""
     table = table_of("frames")
     for heading in ("frame", "mirrors", "points"):
         table.add_column(heading, justify="right")
@@ -180,7 +195,7 @@ def show_frames(found: ReconstructionFacts) -> None:
 
 
 def show_summary(results: Sequence[SweepResult]) -> None:
-    """Print what became of many sweeps, one in a line."""
+    """Print the results of many sweeps, one in each line."""
     table = table_of("sweeps")
     for heading in ("sweep", "mirrors", "points", "by mirrors", "result"):
         table.add_column(heading, justify="left" if heading in ("sweep", "result") else "right", overflow="fold")
@@ -192,7 +207,7 @@ def show_summary(results: Sequence[SweepResult]) -> None:
 
 
 def show_score(score: PlanScore | VolumeScore) -> None:
-    """Print the score: the mirrors, then a column for all surfaces and one for those out of sight."""
+    """Print a score: the errors of the mirrors, then those of the points, for all surfaces and for hidden ones."""
     mirrors = table_of("mirrors against the truth")
     curved = any("curvature_error" in mirror for mirror in score.mirrors)
     for heading in ("surface", "angle error [deg]", "offset error [mm]", *(["curvature error [%]"] if curved else [])):
@@ -224,7 +239,7 @@ def show_score(score: PlanScore | VolumeScore) -> None:
 
 
 def describe(name: str, value: Any) -> tuple[str, str]:
-    """Label and text of one fact, with the unit that the end of its name stands for.
+    """Label and text of one fact; its unit follows from the end of its name.
 
     Examples
     --------
@@ -255,7 +270,7 @@ def describe(name: str, value: Any) -> tuple[str, str]:
 
 
 def _quantity(value: Any, unit: str) -> str:
-    """A number with its unit, in millimetres or gigahertz where that reads better."""
+    """A number with its unit as text; lengths below 0.1 m in millimetres, frequencies from 1 GHz in gigahertz."""
     if isinstance(value, list):
         return " to ".join(_quantity(item, unit) for item in value)
     if not isinstance(value, float):
@@ -270,7 +285,7 @@ def _quantity(value: Any, unit: str) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time as people say it.
+    """A time as text, in the unit that gives a small number.
 
     Examples
     --------
@@ -284,12 +299,12 @@ def duration(seconds: float) -> str:
 
 
 def number(value: float | None, form: str, scale: float = 1.0) -> str:
-    """A number, or a dash where there is none."""
+    """A number as text, multiplied by `scale`; a dash if it is None or not finite."""
     return "-" if value is None or not math.isfinite(value) else format(value * scale, form)
 
 
 def _finite(value: Any) -> Any:
-    """The same value in plain Python types, with None for numbers that JSON cannot hold."""
+    """The value in plain Python types, with None in place of numbers that are not finite, which JSON cannot hold."""
     if isinstance(value, dict):
         return {str(name): _finite(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):
@@ -302,12 +317,12 @@ def _finite(value: Any) -> Any:
 
 
 def table_of(title: str) -> CleanTable:
-    """A table: with ruled lines in a terminal, and with nothing but words and numbers for files and pipes."""
+    """An empty table: with ruled lines on a terminal, and with only words and numbers for files and pipes."""
     if sys.stdout.isatty():
         return CleanTable(title=title, title_justify="left", box=box.SIMPLE_HEAD)
     return CleanTable(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, 2, 0, 0))
 
 
 def console(plain_width: int = PLAIN_WIDTH) -> Console:
-    """What tables are printed on: as wide as the terminal, or so many characters for files and pipes."""
+    """A console to print tables on: as wide as the terminal, or `plain_width` characters for files and pipes."""
     return Console(width=None if sys.stdout.isatty() else plain_width, highlight=False, markup=False)

@@ -1,4 +1,4 @@
-"""The option ``--verbose``, which heavy verbs share: what their work is forecast to take is said before it begins."""
+"""The option ``--verbose`` of verbs with much work: print the forecast of their memory before the work begins."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ VERBOSE = inspect.Parameter(
         bool, Parameter(help="Say on stderr what memory the work is forecast to take, before it begins.")
     ],
 )
+"""The option ``--verbose``."""
 
 
 class _Notes(logging.Handler):
-    """Log records as notes on stderr."""
+    """Prints log records as remarks on stderr."""
 
     def emit(self, record: logging.LogRecord) -> None:
+        """Print one record."""
         note(record.getMessage())
 
 
 def with_verbose(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The verb with the option ``--verbose``."""
+    """The verb with the option ``--verbose``, with which the log of the package is printed."""
     signature = inspect.signature(function)
 
     @functools.wraps(function)

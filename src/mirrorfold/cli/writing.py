@@ -1,4 +1,4 @@
-"""Where verbs write: outputs are checked before the work begins, and what was overwritten is said at the end."""
+"""Outputs of verbs: they are checked before the work begins, and overwritten files are reported at the end."""
 
 from __future__ import annotations
 
@@ -22,15 +22,22 @@ NO_CLOBBER = inspect.Parameter(
     default=False,
     annotation=Annotated[bool, Parameter(help="Refuse to overwrite a file that is there.")],
 )
+"""The option ``--no-clobber``."""
 
 
 def required(output: Path | None, example: str) -> Path:
-    """The output, of a verb that cannot do without.
+    """The output of a verb that needs one.
+
+    Parameters
+    ----------
+    output : path, optional
+    example : str
+        Example for the message: the name of a file with a suffix, or of a folder without.
 
     Raises
     ------
     InputError
-        If none is given; `example` is the name of a file, or of a folder, which has no suffix.
+        If no output is given.
     """
     if output is None:
         what = "file to write" if "." in example else "folder for the results"
@@ -39,7 +46,7 @@ def required(output: Path | None, example: str) -> Path:
 
 
 def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Sequence[str] = ()) -> Path:
-    """The path, if a file can be written there; it is said at the end if that has overwritten one.
+    """The path, if a file can be written there; if that overwrites a file, this is reported at the end.
 
     Raises
     ------
@@ -54,12 +61,12 @@ def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Seq
 
 
 def netcdf_file(path: Path, *, inputs: Iterable[Path | None] = ()) -> Path:
-    """As `output_file`, for a name that says netCDF, or no kind of file that is known.
+    """The path of a netCDF file, as `output_file`; its suffix must not belong to another kind of file.
 
     Raises
     ------
     InputError
-        As `output_file`, or if the name is that of another kind of file.
+        As `output_file`, or if the suffix belongs to another kind of file.
     """
     from mirrorfold.io.suffixes import NETCDF, check_suffix
 
@@ -69,7 +76,7 @@ def netcdf_file(path: Path, *, inputs: Iterable[Path | None] = ()) -> Path:
 
 
 def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path | None] = ()) -> Path:
-    """The path, if files of these names can be written there; it is said at the end which of them were overwritten.
+    """The directory, if files of these names can be written there; overwritten ones are reported at the end.
 
     Raises
     ------
@@ -85,25 +92,25 @@ def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path 
 
 
 files_before: ContextVar[dict[Path, tuple[int, int]] | None] = ContextVar("files_before", default=None)
-"""Files that the verb at work may overwrite, as they were when it began; None outside of verbs."""
+"""Files that the running verb may overwrite, with their identity when it began; None outside of verbs."""
 
 
 def announce(paths: Iterable[Path]) -> None:
-    """Remember which files are there, to say at the end which of them were overwritten."""
+    """Remember which of the paths are existing files, to report at the end which of them were overwritten."""
     before = files_before.get()
     if before is not None:
         before |= {path: _identity(path) for path in paths if path.exists()}
 
 
 def _identity(path: Path) -> tuple[int, int]:
-    """What tells a file from another file that was put in its place."""
+    """Device and number of a file, which differ from those of another file that has replaced it."""
     state = path.stat()
     return state.st_dev, state.st_ino
 
 
 @contextmanager
 def overwriting_said() -> Iterator[None]:
-    """Say at the end of a block which files it has overwritten, also where it has failed after that."""
+    """Report at the end of the block which announced files were overwritten, even if the block has failed."""
     token = files_before.set({})
     try:
         yield
@@ -117,7 +124,7 @@ def overwriting_said() -> Iterator[None]:
 
 
 def with_inputs_spared(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The verb, which replaces no file that it has read, whoever named it: the user, a scene, or a scan."""
+    """The verb, made to refuse to overwrite a file that it has read, whether the user, a scene or a scan names it."""
 
     @functools.wraps(function)
     def verb(*args: Any, **kwargs: Any) -> Any:
