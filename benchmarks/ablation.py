@@ -32,7 +32,7 @@ from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.tree import completion, kinds, measured, ordering, rounds
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining import doubted
-from mirrorfold.tree.explaining.half_shadows import Hems
+from mirrorfold.tree.explaining.half_shadows import Overhangs
 
 Instead = dict[ModuleType | type, dict[str, Any]]
 """Functions that do nothing, by the modules or classes that call them and their names there."""
@@ -62,7 +62,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
         {},
     ),
     "mixed paths and late echoes": ({measured: {"misplaced": lambda echoes, **named: np.full(len(echoes), "")}}, {}),
-    "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Hems.nothing()}}, {}),
+    "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Overhangs.nothing()}}, {}),
     "short rows": ({kinds: {"find_short": lambda found, *given, besides, **named: (found, besides)}}, {}),
     "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
     "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror: mirror}}, {}),

@@ -18,7 +18,7 @@ from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
-from mirrorfold.tree.explaining.half_shadows import HEMS
+from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS
 from mirrorfold.tree.half_transparent.transparent import Window
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -169,9 +169,9 @@ def _pane(mirror: Mirror, windows: Sequence[Window]) -> dict[str, float]:
     return dict(zip(names, found, strict=True))
 
 
-def _hem(mirror: Mirror) -> tuple[float, float]:
+def _overhang(mirror: Mirror) -> tuple[float, float]:
     """How far beyond its start and its end [m] lines of sight meet a mirror; zero where that was not measured."""
-    return getattr(mirror, "hem", (0.0, 0.0))
+    return getattr(mirror, "overhang", (0.0, 0.0))
 
 
 def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -> xr.Dataset:
@@ -182,7 +182,7 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
              **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
-    any_hem = any(any(_hem(mirror)) for _, mirror in nodes)
+    any_overhang = any(any(_overhang(mirror)) for _, mirror in nodes)
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
@@ -203,8 +203,8 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         if any_curved:
             own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
-        if any_hem:
-            own |= dict(zip(HEMS, _hem(mirror), strict=True))
+        if any_overhang:
+            own |= dict(zip(OVERHANG_COLUMNS, _overhang(mirror), strict=True))
         if any(window.pane is not None for window in windows):
             own |= _pane(mirror, windows)
         return own_place(mirror, folds[()]) | true | place | own

@@ -11,19 +11,20 @@ from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
-from mirrorfold.tree.explaining.half_shadows import HEMS, Hems
+from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS, Overhangs
 from mirrorfold.tree.explaining.misplaced import MIXED, known_confocal, known_ghosts
 from mirrorfold.tree.measured import Measured, Teller
 
 
 def told_before(reconstruction: xr.DataTree) -> Teller:
     """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it."""
-    places, shares, hems = known_places(reconstruction), known_shares(reconstruction), known_hems(reconstruction)
+    places, shares = known_places(reconstruction), known_shares(reconstruction)
+    overhangs = known_overhangs(reconstruction)
 
     def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
-            beside=lambda order, echoes: hems,  # the hems that were kept, whatever mirrors and echoes are asked about
+            beside=lambda order, echoes: overhangs,  # those that were kept, whatever mirrors and echoes are asked about
             share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
         )
 
@@ -54,14 +55,15 @@ def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
     return np.column_stack([measured["x_initial"], measured["y_initial"]]), measured["confocal"].values.astype(float)
 
 
-def known_hems(reconstruction: xr.DataTree) -> Hems:
+def known_overhangs(reconstruction: xr.DataTree) -> Overhangs:
     """How far [m] beyond their ends lines of sight meet the mirrors of a Reconstruction, as far as it is known."""
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    if any(name not in mirrors for name in HEMS):
-        return Hems.nothing()
+    if any(name not in mirrors for name in OVERHANG_COLUMNS):
+        return Overhangs.nothing()
     ends = [np.column_stack([mirrors[f"{axis}{end}"] for axis in "xy"]) for end in (0, 1)]
-    # In a recording, mirrors of frames without hems have NaN.
-    return Hems(np.concatenate(ends), np.nan_to_num(np.concatenate([mirrors[name].values for name in HEMS])))
+    # In a recording, mirrors of frames without overhangs have NaN.
+    lengths = np.concatenate([mirrors[name].values for name in OVERHANG_COLUMNS])
+    return Overhangs(np.concatenate(ends), np.nan_to_num(lengths))
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:

@@ -11,7 +11,7 @@ import xarray as xr
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.tree.explaining.half_shadows import Hems, half_shadows
+from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
 from mirrorfold.tree.explaining.misplaced import Known, confocal, misplaced
 from mirrorfold.tree.ordering import Order
 
@@ -34,7 +34,7 @@ class Measured:
     """
 
     explain: Callable[[Echoes], Names] | None = None
-    beside: Callable[[Order, Echoes], Hems] | None = None
+    beside: Callable[[Order, Echoes], Overhangs] | None = None
     share: Callable[[Array, Array], Array] | None = None
 
 

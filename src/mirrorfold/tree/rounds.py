@@ -27,7 +27,7 @@ from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
-from mirrorfold.tree.explaining.half_shadows import Hems
+from mirrorfold.tree.explaining.half_shadows import Overhangs
 from mirrorfold.tree.explaining.late_walls import from_late_walls
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
@@ -76,16 +76,16 @@ def find_tree(
     """
     measured = measured or Measured()
     agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
-    reasons, hems = _Reasons(echoes), Hems.nothing()
+    reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
     # Where an empty list of mirrors is given, the image stays as it is.
     repeated = settings.copies and (known is None or len(known) > 0)
     while True:
         go_on()
         echoes = reasons.echoes
-        order, seen = agree(view, echoes, walls=walls, hems=hems)
-        if measured.beside is not None and not (told := measured.beside(order, seen)).same(hems):
-            hems = told
-            order, seen = agree(view, echoes, walls=walls, hems=hems)
+        order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
+        if measured.beside is not None and not (told := measured.beside(order, seen)).same(overhangs):
+            overhangs = told
+            order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
         if repeated:
@@ -186,19 +186,19 @@ def agreed(
     known: Array | None = None,
     walls: Mask | None = None,
     besides: Sequence[Mirror] = (),
-    hems: Hems | None = None,
+    overhangs: Overhangs | None = None,
     find: Finder = find_mirrors,
 ) -> tuple[Order, Echoes]:
     """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
 
     A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects.
     """
-    hems = Hems.nothing() if hems is None else hems
+    overhangs = Overhangs.nothing() if overhangs is None else overhangs
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
         rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
         mirrors = find(view, rows, minimum_length=length, tested=tested, known=known)
-        mirrors = hems.on(mirrors, view)
+        mirrors = overhangs.on(mirrors, view)
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
         if (
             known is None and settings.opaque and (own := order.itself()).any()
@@ -206,7 +206,7 @@ def agreed(
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            more = hems.on(completed(mirrors, order, view, echoes, settings, find), view)
+            more = overhangs.on(completed(mirrors, order, view, echoes, settings, find), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
                 order = order_mirrors([*more, *besides], view, echoes, settings, walls)
         # The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.

@@ -10,8 +10,8 @@ from synthetic import diffuse
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import crossing
-from mirrorfold.folding.earlier import known_hems
-from mirrorfold.tree.explaining.half_shadows import Hems, _hem
+from mirrorfold.folding.earlier import known_overhangs
+from mirrorfold.tree.explaining.half_shadows import Overhangs, _overhang
 
 pytestmark = pytest.mark.slow
 
@@ -78,7 +78,7 @@ def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
     mirrors = result["mirrors"].to_dataset()
     beyond = np.minimum(mirrors["beyond_start"], mirrors["beyond_end"]).values
     assert (beyond < -0.005).tolist() == (np.abs(mirrors["y0"] - 0.165) < 0.03).values.tolist()
-    monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Hems.nothing())
+    monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Overhangs.nothing())
     # By the middle of the array alone.
     assert any("/" in chain for chain in chains(mf.fold(image, sweep=sweep)))
 
@@ -98,7 +98,7 @@ def test_a_frame_that_tells_of_no_half_shadow_is_folded_again_too(behind):
     mirrors = result["mirrors"].to_dataset(inherit=False)
     nothing = {name: mirrors[name] * np.nan for name in ("beyond_start", "beyond_end")}
     result["/mirrors"] = xr.DataTree(mirrors.assign(nothing))
-    assert known_hems(result).length.tolist() == [0.0] * 4
+    assert known_overhangs(result).length.tolist() == [0.0] * 4
     assert "0" in chains(mf.fold(result))
 
 
@@ -109,10 +109,10 @@ def test_what_the_mirror_shows_is_seen_in_the_mirror(screen):
     assert chains(mf.fold(mf.focus(sweep, **PIXELS), sweep=sweep))[:2] == ["0", "0/0"]
 
 
-def test_the_hem_puts_the_fewest_echoes_on_the_wrong_side():
+def test_the_overhang_puts_the_fewest_echoes_on_the_wrong_side():
     outside = np.array([-0.03, -0.02, -0.01, 0.01])
-    assert _hem(outside, np.array([True, False, False, False]), 0.004) == pytest.approx(-0.025)
-    assert _hem(outside, np.array([True] * 4), 0.004) == pytest.approx(0.014)
-    assert _hem(outside, np.array([False] * 4), 0.004) == pytest.approx(-0.034)
-    assert _hem(outside, np.array([True, True, True, False]), 0.004) == 0.0
-    assert _hem(np.empty(0), np.empty(0, dtype=bool), 0.004) == 0.0
+    assert _overhang(outside, np.array([True, False, False, False]), 0.004) == pytest.approx(-0.025)
+    assert _overhang(outside, np.array([True] * 4), 0.004) == pytest.approx(0.014)
+    assert _overhang(outside, np.array([False] * 4), 0.004) == pytest.approx(-0.034)
+    assert _overhang(outside, np.array([True, True, True, False]), 0.004) == 0.0
+    assert _overhang(np.empty(0), np.empty(0, dtype=bool), 0.004) == 0.0

@@ -38,14 +38,14 @@ class LineMirror(Mirror):
     length : float [m]
     direction : (2,) array
         Unit vector from start to end.
-    hem : tuple of two floats [m]
+    overhang : tuple of two floats [m]
         How far lines of sight are taken to meet the mirror beyond its start and its end; negative where they miss its
         last part. See `mirrorfold.tree.explaining.half_shadows`.
     """
 
     start: Array
     end: Array
-    hem: tuple[float, float] = (0.0, 0.0)
+    overhang: tuple[float, float] = (0.0, 0.0)
     length: float = field(init=False)
     direction: Array = field(init=False)
 
@@ -84,16 +84,16 @@ class LineMirror(Mirror):
 
     def part(self, first: float, last: float) -> LineMirror:
         """The mirror from one position [m] along it to another."""
-        hem = self.hem[0] if first <= 0.0 else 0.0, self.hem[1] if last >= self.length else 0.0
+        overhang = self.overhang[0] if first <= 0.0 else 0.0, self.overhang[1] if last >= self.length else 0.0
         start, end = (self.start + place * self.direction for place in (first, last))
-        return replace(self, start=start, end=end, hem=hem)
+        return replace(self, start=start, end=end, overhang=overhang)
 
     def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
         """Range [m] at which each direction meets the mirror, (nu,); infinite where it does not."""
         range_ = view.meets(self.normal, self.center)
         with np.errstate(invalid="ignore"):
             along = self.along(view.radar + range_[:, None] * view.sight)
-        return np.where((along >= -self.hem[0]) & (along <= self.length + self.hem[1]), range_, np.inf)
+        return np.where((along >= -self.overhang[0]) & (along <= self.length + self.overhang[1]), range_, np.inf)
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""

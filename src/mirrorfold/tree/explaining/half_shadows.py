@@ -4,7 +4,7 @@ Lines of sight are drawn from the middle of the radar. Where a mirror ends near 
 end at the objects behind, while others look into the mirror, just as an edge throws a half-shadow if the lamp is large.
 An object behind the mirror is received by the former antennas alone, an object that the mirror shows by the latter
 alone. So each echo is focused twice, by the antennas whose line to it meets the mirror and by those whose line misses
-it, and the two amplitudes are compared. From these echoes follows the `hem` of the mirror at that end: the length
+it, and the two amplitudes are compared. From these echoes follows the `overhang` of the mirror at that end: the length
 beyond its end (negative: before its end) up to which lines of sight are taken to meet the mirror.
 """
 
@@ -28,8 +28,8 @@ from mirrorfold.tree.explaining.directions import heard_by
 from mirrorfold.tree.explaining.edges import BEHIND_CELLS
 from mirrorfold.tree.ordering import Order
 
-HEMS = "beyond_start", "beyond_end"
-"""Columns of a table of mirrors that hold their hems [m], at start and end."""
+OVERHANG_COLUMNS = "beyond_start", "beyond_end"
+"""Columns of a table of mirrors that hold their overhangs [m], at start and end."""
 
 LEAST_SHARE = 0.15
 """Least share of the antennas in each of the two groups: fewer antennas resolve too little."""
@@ -45,7 +45,7 @@ Known = dict[tuple[float, ...], float]
 
 
 @dataclass(frozen=True)
-class Hems:
+class Overhangs:
     """Lengths beyond the ends of mirrors up to which lines of sight meet these, for the ends where they are known.
 
     Attributes
@@ -53,23 +53,23 @@ class Hems:
     end : (n, 2) array [m]
         Those ends of mirrors, in the image.
     length : (n,) array [m]
-        The hem at each end: beyond it, or before it if negative.
+        The overhang at each end: beyond it, or before it if negative.
     """
 
     end: Array
     length: Array
 
     @classmethod
-    def nothing(cls) -> Hems:
-        """No hem is known."""
+    def nothing(cls) -> Overhangs:
+        """No overhang is known."""
         return cls(np.empty((0, 2)), np.empty(0))
 
-    def same(self, other: Hems) -> bool:
+    def same(self, other: Overhangs) -> bool:
         """Whether both hold the same ends and lengths."""
         return np.array_equal(self.end, other.end) and np.array_equal(self.length, other.length)
 
     def on(self, mirrors: Sequence[Mirror], view: View) -> Sequence[Mirror]:
-        """The mirrors with these hems: each at the end of a mirror within a resolution cell of the hem's own end."""
+        """The mirrors with these overhangs, each set at an end of a mirror that is within a cell of its own end."""
         if not self.length.size:
             return mirrors
         return [self._on(one, view) if isinstance(one, LineMirror) else one for one in mirrors]
@@ -78,11 +78,11 @@ class Hems:
         away = np.linalg.norm(mirror.ends[:, None] - self.end, axis=2)
         near = away.min(axis=1) <= [view.cell_at(end) for end in mirror.ends]
         first, last = np.where(near, self.length[away.argmin(axis=1)], 0.0)
-        return replace(mirror, hem=(float(first), float(last)))
+        return replace(mirror, overhang=(float(first), float(last)))
 
 
-def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) -> Hems:
-    """The hems of the mirrors of an order, from which antennas receive which echoes.
+def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) -> Overhangs:
+    """The overhangs of the mirrors of an order, from which antennas receive which echoes.
 
     Parameters
     ----------
@@ -95,14 +95,14 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
         Measurements of earlier calls; those of this call are added.
     """
     view = order.sight.view
-    hems = Hems.nothing()
+    overhangs = Overhangs.nothing()
     if not isinstance(view, ImageView) or min(map(len, antenna_positions(sweep))) < 2:
-        return hems
+        return overhangs
     shown_by = order.shown_by(echoes)
     asked = np.zeros(len(echoes), dtype=bool)
     told = np.flatnonzero(echoes.visible & echoes.strong)
     asked[told[view.brightest(echoes.position[told], echoes.amplitude[told])]] = True
-    ends, lengths = [hems.end], [hems.length]
+    ends, lengths = [overhangs.end], [overhangs.length]
     for index, mirror in enumerate(order.mirrors):
         if not isinstance(mirror, LineMirror):
             continue
@@ -112,11 +112,11 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
         for end, far_end in (mirror.ends, mirror.ends[::-1]):
             outside, excess = _told(echoes.take(own), view, end, end - far_end, sweep, known)
             reach = 0.5 * view.cell_at(end)
-            length = max(_hem(outside, excess > 0.0, reach), -0.5 * mirror.size)
+            length = max(_overhang(outside, excess > 0.0, reach), -0.5 * mirror.size)
             if length != 0.0:
                 ends.append(end[None])
                 lengths.append(np.array([length]))
-    return Hems(np.concatenate(ends), np.concatenate(lengths))
+    return Overhangs(np.concatenate(ends), np.concatenate(lengths))
 
 
 def _beyond(start: Array, places: Array, end: Array, outward: Array) -> Array:
@@ -163,7 +163,7 @@ def _zones(view: ImageView, range_: Array, end: Array) -> Array:
     return np.asarray(length * np.sqrt(view.wavelength * ahead / (range_ * distance)))
 
 
-def _hem(outside: Array, into: Mask, reach: float) -> float:
+def _overhang(outside: Array, into: Mask, reach: float) -> float:
     """Length [m] beyond its end up to which a mirror is met, chosen so that the fewest echoes are on the wrong side.
 
     Parameters
