@@ -51,7 +51,7 @@ LEFT_OUT = {
     "EXPLAINED": "measured by confidence.py",
     "TRUE_CELLS": "what confidence means",
     "ROOT": "a code",
-    "NOBODY": "a code",
+    "UNSEEN": "a code",
     "CHUNK": "steers memory only",
     "LARGEST_GRID": "steers memory only",
     "LARGEST_GROWTH": "size of the picture; no point depends on it",

@@ -20,7 +20,7 @@ from mirrorfold.folding import pictures
 from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import _place
 from mirrorfold.folding.pictures import BORDER_RADII, LARGEST_GROWTH, PIXEL_RADII, draw
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 
 
 def image_view():
@@ -89,7 +89,7 @@ def random_sight(view, random, axis):
     cover = Cover(np.array([np.full(count, 1.8)]), random.uniform(0.0, 3.0, (1, count)))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover, chain=((0,), (0, 0)),
                          open=random.uniform(0.0, 1.5, count))  # fmt: skip
-    blobs = random.choice([NOBODY, ROOT, 0, 1], (count, view.range.size), p=[0.1, 0.1, 0.4, 0.4]).astype(np.int16)
+    blobs = random.choice([UNSEEN, ROOT, 0, 1], (count, view.range.size), p=[0.1, 0.1, 0.4, 0.4]).astype(np.int16)
     return sight, blobs
 
 
@@ -107,7 +107,7 @@ def slow_twin(view, sight, folds, margin, blobs, points):
         inside = ((index >= 0.0) & (index <= np.array(amplitude.shape) - 1)).all(axis=1)
         value = map_coordinates(amplitude, index.T, order=1) * gain[np.clip(index[:, -1].astype(int), 0, gain.size - 1)]
         shown = inside & (sight.seen_through(range_ - margin, beam) == number) & sight.cover.clear(range_, beam, value)
-        shown &= blobs[beam, sample] != NOBODY
+        shown &= blobs[beam, sample] != UNSEEN
         if number != ROOT:
             shown &= blobs[beam, sample] == number
             own, ahead, looked = view.locate(points)
@@ -151,7 +151,7 @@ def test_blocks_that_are_passed_over_show_nothing(view, seed, monkeypatch):
     """A few bright places in an image that is dark elsewhere, of which some belong to somebody."""
     random = np.random.default_rng(seed)
     sight, blobs = random_sight(view, random, 0)
-    blobs = np.where(random.random(blobs.shape) < 0.02, blobs, NOBODY).astype(np.int16)
+    blobs = np.where(random.random(blobs.shape) < 0.02, blobs, UNSEEN).astype(np.int16)
     dark = np.where(random.random(view.amplitude.shape) < 0.1, view.amplitude, 1e-3 * view.amplitude)
     sight = replace(sight, view=replace(view, amplitude=dark.astype(view.amplitude.dtype)))
     first, second = (reflection(view.dimensions, *random.uniform((-40.0, 0.6), (40.0, 1.4))) for _ in range(2))
@@ -203,7 +203,7 @@ def test_what_a_curved_mirror_shows_is_drawn_where_its_lines_of_sight_lead(way):
             assert drawn[0, 0] > (1.0 + 0.3 * range_ + 2.0 * u) * (1.0 - 2e-3)
         # What is doubted is not drawn; of what lies inside the wall only that which the radar sees there itself.
         pixel = true[:1], true[1:]
-        assert draw(sight, folds, 0.0, pixel, np.full_like(blobs, NOBODY))[0, 0] == 0.0
+        assert draw(sight, folds, 0.0, pixel, np.full_like(blobs, UNSEEN))[0, 0] == 0.0
         direct = draw(LinesOfSight.unfolded(view), {}, 0.0, pixel, blobs)
         assert_array_equal(draw(sight, folds, 3.0, pixel, blobs), direct)
 

@@ -15,7 +15,7 @@ from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.collection import _mirrors, _objects
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.folding.points import BLOB_CELLS, fold_back, owned_blobs
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 NEAR = LineMirror(np.array([-0.3, 1.0]), np.array([0.3, 1.0]))
@@ -135,10 +135,10 @@ def test_where_blobs_meet_the_deeper_one_counts_and_doubt_the_least(view):
     assert owned(view, behind=place, both=place)[spot] == 1
     assert owned(view, direct=place, behind=place, both=place)[spot] == 1
     # What is doubted is nobody's, unless a point stands there that is not.
-    assert owned(view, behind=place, confidence=0.4, least=0.5)[spot] == NOBODY
+    assert owned(view, behind=place, confidence=0.4, least=0.5)[spot] == UNSEEN
     assert owned(view, behind=place, confidence=0.5, least=0.5)[spot] == 0
     assert owned(view, behind=place, confidence=0.0)[spot] == 0
-    assert owned(view, direct=place, confidence=0.4, least=0.5)[spot] == NOBODY
+    assert owned(view, direct=place, confidence=0.4, least=0.5)[spot] == UNSEEN
     for beside in ("direct", "behind"):
         parts = {beside: place, "both": place}
         assert owned(view, **parts, confidence=np.array([0.4, 0.9]), least=0.5)[spot] == 1

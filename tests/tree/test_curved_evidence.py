@@ -20,7 +20,7 @@ from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import curved, showing
 from mirrorfold.tree.assignment import Found, assign_echoes
 from mirrorfold.tree.curved import candidates, find_curved, shows_new, without_bent
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import order_mirrors
 from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.showing import KNOWN_CELLS, Evidence, Steps, agreeing, behind, evidence, filled_cells, known_places
@@ -190,7 +190,7 @@ def test_what_curved_mirrors_show_is_no_row_of_another(view, monkeypatch):
     wall = LineMirror(np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
     places = [[0.0, 1.6], [0.0, 2.4], [0.0, 2.0], [0.0, 1.0], [-0.7, 1.0], [0.9, 2.0]]
     own = candidates(found_with(view, [wall, PILLAR], places), view)
-    assert own.tolist() == [NOBODY, NOBODY, NOBODY, ROOT, ROOT, ROOT]
+    assert own.tolist() == [UNSEEN, UNSEEN, UNSEEN, ROOT, ROOT, ROOT]
 
 
 class Tried:

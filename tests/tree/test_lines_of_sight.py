@@ -14,9 +14,9 @@ from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.tree.lines_of_sight import (
     CLEAR_DB,
     ITSELF_CELLS,
-    NOBODY,
     OPEN_CELLS,
     ROOT,
+    UNSEEN,
     Cover,
     LinesOfSight,
     hidden_at,
@@ -76,8 +76,8 @@ def test_loops_and_arrays_agree_at_every_edge(view):
     crossing = np.array([[1.0, 1.0, np.inf], [2.0, np.inf, 2.0]])
     cover = Cover(np.array([[1.0, 1.5, np.inf], [2.0, np.inf, np.inf]]), np.array([[4.0, 8.0, 0.0], [9.0, 8.0, 0.0]]))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover)
-    assert NOBODY < ROOT < 0  # no mirror has their numbers
-    expected = {(1.0, 0): ROOT, (1.5, 0): 0, (2.0, 0): 0, (2.5, 0): 1, (2.5, 1): 0, (2.0, 2): ROOT, (2.5, 2): NOBODY}
+    assert UNSEEN < ROOT < 0  # no mirror has their numbers
+    expected = {(1.0, 0): ROOT, (1.5, 0): 0, (2.0, 0): 0, (2.5, 0): 1, (2.5, 1): 0, (2.0, 2): ROOT, (2.5, 2): UNSEEN}
     for (range_, direction), owner in expected.items():
         one = np.array([range_]), np.array([direction])
         assert sight.seen_through(*one)[0] == through_at(*sight.passages, range_, direction) == owner

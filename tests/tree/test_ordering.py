@@ -13,7 +13,7 @@ from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.0)
@@ -50,15 +50,15 @@ def test_a_mirror_behind_another_is_seen_through_it(view):
     assert_array_equal(order.sight.parent, [1, ROOT])
     assert order.way(0) == (NEAR, FAR)
     assert order.way(1) == (NEAR,)
-    assert order.way(ROOT) == order.way(NOBODY) == ()
+    assert order.way(ROOT) == order.way(UNSEEN) == ()
 
 
 def test_a_face_is_shown_by_what_shows_its_mirror(view):
     order, echoes = ordered(view, [NEAR, FAR], [(0.0, y) for y in (0.5, 1.0, 1.5, 2.0, 2.5)], opaque=False)
     assert_array_equal(order.face, [ROOT, 0, ROOT, 1, ROOT])
     assert_array_equal(order.shown_by(echoes), [ROOT, ROOT, 0, 0, 1])
-    inside = replace(order, face=np.full(5, NOBODY))
-    assert_array_equal(inside.shown_by(echoes), np.full(5, NOBODY))
+    inside = replace(order, face=np.full(5, UNSEEN))
+    assert_array_equal(inside.shown_by(echoes), np.full(5, UNSEEN))
 
 
 def test_a_mirror_is_cut_where_the_view_by_way_of_another_ends(view):
@@ -74,13 +74,13 @@ def test_what_is_too_small_for_a_mirror_is_the_edge_of_a_wall(view):
     order, _ = ordered(view, [WIDE, NEAR], places, opaque=False, minimum_length=0.7)
     assert_allclose(ends(order), [[-0.6, 0.6], [-0.3, 0.3]], atol=0.02)
     assert_array_equal(order.sight.parent, [1, ROOT])
-    assert_array_equal(order.face, [0, NOBODY, ROOT])
+    assert_array_equal(order.face, [0, UNSEEN, ROOT])
 
 
 def test_echoes_lie_on_mirrors_inside_their_walls_or_elsewhere(view):
     places = [[0.1, 1.0], [0.1, 1.08], [0.1, 1.3], [0.1, 2.0]]
     order, _ = ordered(view, [NEAR, FAR], places, opaque=False, wall_margin=0.1)
-    assert_array_equal(order.face, [0, NOBODY, ROOT, 1])
+    assert_array_equal(order.face, [0, UNSEEN, ROOT, 1])
 
 
 SCREEN = on_line([-0.3, 0.7], [0.3, 0.7])

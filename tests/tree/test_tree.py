@@ -13,7 +13,7 @@ from synthetic import diffuse, empty_view, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import cross2
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import led_astray
 
 A, B, C = wall((0.0, 1.2), 47.0, 0.8), wall((1.0, 1.25), 44.0, 0.9), wall((1.05, 2.05), 42.0, 1.0)
@@ -250,7 +250,7 @@ def test_mirror_worlds_open_only_through_their_parents():
     column = np.arange(4)
     assert_array_equal(sight.seen_through(np.full(4, 0.5), column), [ROOT, ROOT, ROOT, ROOT])
     assert_array_equal(sight.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])
-    assert_array_equal(sight.seen_through(np.full(4, 2.5), column), [1, 0, NOBODY, ROOT])
+    assert_array_equal(sight.seen_through(np.full(4, 2.5), column), [1, 0, UNSEEN, ROOT])
     assert_array_equal(view.column(np.array([-0.31, -0.12, 0.09, 2.0])), [0, 1, 2, 3])
 
 

@@ -17,7 +17,7 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.views.view import View
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 
 FEWEST_PIXELS = 8
 """A block has at least this many pixels along each axis: the bounds of smaller blocks cost more than they spare."""
@@ -158,7 +158,7 @@ def _fill(  # type: ignore[no-untyped-def]
             for k in range(first, last + 1):
                 value = max(value, amplitude[beam, k] * gain[k])
                 owner = blobs[beam, k]
-                own |= owner == number or (number == ROOT and owner != NOBODY)
+                own |= owner == number or (number == ROOT and owner != UNSEEN)
             r, half_depth = 0.5 * (range_[first] + range_[last]), 0.5 * (last - first) * dr + 0.51 * dr
             if own:
                 own = _passes(crossing, through, r - margin - half_depth, r - margin + half_depth, beam, number)

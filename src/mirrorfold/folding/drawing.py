@@ -11,7 +11,7 @@ import numpy as np
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.round_surfaces import reflection_point
 from mirrorfold.focusing.scans.range_profiles import at_point
-from mirrorfold.tree.lines_of_sight import NOBODY, hidden_at, through_at
+from mirrorfold.tree.lines_of_sight import UNSEEN, hidden_at, through_at
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
@@ -56,7 +56,7 @@ def _shown(  # type: ignore[no-untyped-def]
     if value <= least or value <= hidden_at(begin, level, r, beam):
         return 0.0
     owner = blobs[beam, int(k + 0.5)]
-    if owner == NOBODY:
+    if owner == UNSEEN:
         return 0.0
     if mirror >= 0:
         if owner != mirror:

@@ -20,7 +20,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View, in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.half_transparent.transparent import Window
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 BLOB_CELLS = 1.5
@@ -160,7 +160,7 @@ def _passed_points(window: Window, tree: MirrorTree) -> Points:
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:
     """Number of the mirror by which each sample of the image is folded, (directions, ranges).
 
-    It is `ROOT` for samples that stay where they are, and `NOBODY` around points of less than the `least` confidence. A
+    It is `ROOT` for samples that stay where they are, and `UNSEEN` around points of less than the `least` confidence. A
     sample belongs to a mirror if it lies within `BLOB_CELLS` of a point that was folded by that mirror. All else that a
     mirror shows is weak, or contradicted by the radar's own view: it has no point, so no picture may show it folded.
     """
@@ -174,7 +174,7 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
         return points.initial[(points.wall == "") & (points.chain == chain_name(chain))]
 
     # Where blobs overlap, a point counts before a doubted one, and of two mirrors the one with the higher number.
-    shown = {NOBODY: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}
+    shown = {UNSEEN: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}
     shown |= {mirror: seen_by(chain) for mirror, chain in enumerate(sight.chain) if chain}
     for number, seen in shown.items():
         if not len(seen):

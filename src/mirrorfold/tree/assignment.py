@@ -11,7 +11,7 @@ from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
 from mirrorfold.tree.explaining.edges import beyond_ends
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, LinesOfSight, itself
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, itself
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
@@ -60,7 +60,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     if opaque:
         sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
     through = sight.seen_through(echoes.range, echoes.direction)
-    owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, NOBODY)
+    owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, UNSEEN)
     if opaque:
         owner = beyond_ends(replace(order, sight=sight), echoes, owner)
     chains: list[Chain] = [() for _ in order.mirrors]
@@ -88,7 +88,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
 def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
     """Which echoes are images of the radar's own antennas in mirrors, (n,)."""
     found, folds = np.zeros(len(echoes), dtype=bool), tree.folds()
-    through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), NOBODY)
+    through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
     for index, chain in enumerate(sight.chain):
         if chain and (seen := through == index).any():
             found[seen] = itself(sight.view, echoes.take(seen), folds[chain])

@@ -16,7 +16,7 @@ from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirrors.mirror import Mirror, faces
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.showing import Evidence, Steps, with_rows
 
@@ -62,12 +62,12 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     own = sight.seen_through(echoes.range, echoes.direction)
     if lines:
         numbers = np.array(list(lines))
-        face = faces(list(lines.values()), view, echoes, 0.0, nobody=NOBODY, root=ROOT)
+        face = faces(list(lines.values()), view, echoes, 0.0, unseen=UNSEEN, root=ROOT)
         on_it = face >= 0
         own = own.copy()
         own[on_it] = sight.parent[numbers[face[on_it]]]
     curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in ways[chain])]
-    own[np.isin(own, curved)] = NOBODY
+    own[np.isin(own, curved)] = UNSEEN
     return find_curved_rows(view, echoes, own)
 
 

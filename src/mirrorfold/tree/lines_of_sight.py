@@ -39,7 +39,7 @@ in the image."""
 ROOT = -1
 """Stands for the number of a mirror: seen directly, without any mirror."""
 
-NOBODY = -2
+UNSEEN = -2
 """Stands for the number of a mirror: neither seen directly nor by way of any mirror."""
 
 
@@ -106,7 +106,7 @@ class LinesOfSight:
     crossing : (mirrors, n) array [m]
         Range at which each line of sight meets each mirror; infinite where it misses the mirror.
     parent : (mirrors,) array of int
-        Number of the mirror through which each mirror is seen, `ROOT`, or `NOBODY`.
+        Number of the mirror through which each mirror is seen, `ROOT`, or `UNSEEN`.
     cover : Cover
         What objects hide.
     chain : tuple of tuple of int
@@ -134,18 +134,18 @@ class LinesOfSight:
         mirror by way of which it sees on, before the first crossing and after each, (depth + 1, n).
 
         After a crossing the line of sight sees by way of that mirror only if it saw by way of the mirror's parent
-        before; otherwise by way of `NOBODY`.
+        before; otherwise by way of `UNSEEN`.
         """
         depth = int(np.isfinite(self.crossing).sum(axis=0).max(initial=0))
         order = np.argsort(self.crossing, axis=0)[:depth]
         crossing = np.take_along_axis(self.crossing, order, axis=0)
         through = np.full((depth + 1, self.crossing.shape[1]), ROOT, dtype=np.intp)
         for i, mirror in enumerate(order):
-            through[i + 1] = np.where(through[i] == self.parent[mirror], mirror, NOBODY)
+            through[i + 1] = np.where(through[i] == self.parent[mirror], mirror, UNSEEN)
         return crossing, through
 
     def seen_through(self, range_: Array, direction: Index) -> Index:
-        """Number of the mirror through which points at ranges [m] in directions are seen, or ROOT or NOBODY, (n,)."""
+        """Number of the mirror through which points at ranges [m] in directions are seen, or ROOT or UNSEEN, (n,)."""
         crossing, through = self.passages
         passed = np.sum([ranges[direction] < range_ for ranges in crossing], axis=0, dtype=np.intp)
         return np.asarray(through[passed, direction])

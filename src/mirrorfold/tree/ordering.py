@@ -21,7 +21,7 @@ from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import Mirror, faces, fold_of
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.explaining.shadowless import without_shadow
-from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, ROOT, UNSEEN, Cover, LinesOfSight
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -41,7 +41,7 @@ class Order:
     sight : LinesOfSight
         Lines of sight, with the parent of each mirror.
     face : (n,) array of int
-        The mirror that each echo lies on, `NOBODY` for echoes from inside a wall, `ROOT` for all others.
+        The mirror that each echo lies on, `UNSEEN` for echoes from inside a wall, `ROOT` for all others.
     """
 
     mirrors: Sequence[Mirror]
@@ -65,7 +65,7 @@ class Order:
 
     def shown_by(self, echoes: Echoes) -> Index:
         """Number of the mirror by way of which each echo is seen, (n,); for echoes on a mirror, its parent."""
-        parent = np.append(self.sight.parent, [NOBODY, ROOT])
+        parent = np.append(self.sight.parent, [UNSEEN, ROOT])
         through = self.sight.seen_through(echoes.range, echoes.direction)
         return np.where(self.face == ROOT, through, parent[self.face])
 
@@ -133,9 +133,9 @@ def _ordered(
     mirrors = list(chain(*pieces))
     # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
     face, edge = (
-        faces(some, view, echoes, settings.wall_margin or 0.0, nobody=NOBODY, root=ROOT) for some in (mirrors, remains)
+        faces(some, view, echoes, settings.wall_margin or 0.0, unseen=UNSEEN, root=ROOT) for some in (mirrors, remains)
     )
-    face[(face == ROOT) & (edge != ROOT)] = NOBODY
+    face[(face == ROOT) & (edge != ROOT)] = UNSEEN
     crossing = np.array([mirror.crossing(view) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
     cover = Cover.nothing(len(view.sight))
     if settings.opaque:
@@ -155,12 +155,12 @@ def _ordered(
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
     # The parent of a mirror is the mirror that most of its visible lines of sight meet last before it.
     before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
-    parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else NOBODY for b in before], dtype=np.intp)
+    parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
     seen = np.flatnonzero([b.size for b in before])
-    # New numbers of the mirrors that are seen. A parent that is not seen becomes `NOBODY`.
-    number = np.full(len(mirrors) + 2, NOBODY, dtype=np.intp)
+    # New numbers of the mirrors that are seen. A parent that is not seen becomes `UNSEEN`.
+    number = np.full(len(mirrors) + 2, UNSEEN, dtype=np.intp)
     number[seen], number[ROOT] = np.arange(seen.size), ROOT
-    own = np.where((face >= 0) & (number[face] == NOBODY), ROOT, number[face])
+    own = np.where((face >= 0) & (number[face] == UNSEEN), ROOT, number[face])
     sight = LinesOfSight(view, crossing[seen], number[parent[seen]], cover)
     return Order([mirrors[index] for index in seen], sight, own)
 

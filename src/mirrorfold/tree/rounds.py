@@ -32,7 +32,7 @@ from mirrorfold.tree.explaining.late_walls import from_late_walls
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.ordering import Order, order_mirrors
 
@@ -109,7 +109,7 @@ def find_tree(
     # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
     if rescattered.any():
         reasons.note(rescattered, SCATTERED)
-        order = replace(order, face=np.where(rescattered, NOBODY, order.face))
+        order = replace(order, face=np.where(rescattered, UNSEEN, order.face))
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
     if settings.opaque:
         reasons.note(radar_itself(tree, sight, seen), ITSELF)

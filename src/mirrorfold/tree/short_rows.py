@@ -20,7 +20,7 @@ from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.lines_of_sight import NOBODY, OUTSHINES_DB, ROOT
+from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, ROOT, UNSEEN
 from mirrorfold.tree.showing import Steps, behind, with_rows
 
 SHORTEST_CELLS = 5.0
@@ -75,8 +75,8 @@ def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     known = [ways[chain][-1] for chain in sight.chain if chain]
-    loose = faces(known, view, echoes, 0.0, nobody=NOBODY, root=ROOT) == ROOT
-    own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), NOBODY)
+    loose = faces(known, view, echoes, 0.0, unseen=UNSEEN, root=ROOT) == ROOT
+    own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
     rows = list[Mirror]()
     for way in np.unique(own[own >= ROOT]):
         if way == ROOT or not any(mirror.curved for mirror in ways[sight.chain[way]]):

@@ -12,7 +12,7 @@ from synthetic import echoes_at, empty_view
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.tree.explaining.copies import _quantile, _reflected, copies, copy_level
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order
 
 DELAY, LEVEL = 20, 0.3
@@ -207,8 +207,8 @@ def test_the_face_of_a_mirror_begins_a_cell_and_a_half_before_its_line(layered):
 
 def test_what_two_mirrors_show_is_copied_in_the_wall_of_the_first():
     """A chain of parents is followed to its end."""
-    parent = np.array([1, 2, ROOT, ROOT, NOBODY, ROOT])
-    own = np.array([0, 1, 2, 3, ROOT, NOBODY])
+    parent = np.array([1, 2, ROOT, ROOT, UNSEEN, ROOT])
+    own = np.array([0, 1, 2, 3, ROOT, UNSEEN])
     assert_array_equal(_reflected(own, parent, 2), [True, True, True, False, False, False])
     assert_array_equal(_reflected(own, parent, 1), [True, True, False, False, False, False])
-    assert_array_equal(_reflected(own, np.array([ROOT, 0, 1, 2, NOBODY, ROOT]), 0), [True] * 4 + [False] * 2)
+    assert_array_equal(_reflected(own, np.array([ROOT, 0, 1, 2, UNSEEN, ROOT]), 0), [True] * 4 + [False] * 2)

@@ -245,9 +245,9 @@ def evidence(echoes: Echoes, view: View) -> Echoes:
 
 
 def faces(
-    mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float, *, nobody: int, root: int
+    mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float, *, unseen: int, root: int
 ) -> Index:
-    """Number of the mirror that each echo lies on, `nobody` for echoes from inside a wall, `root` for all others, (n,).
+    """Number of the mirror that each echo lies on, `unseen` for echoes from inside a wall, `root` for all others, (n,).
 
     Echoes behind a mirror come from inside its wall up to the depth `wall_margin` [m], or twice the `depth` of the
     mirror if that is more.
@@ -258,7 +258,7 @@ def faces(
         wall, own, across = mirror.near(view, echoes)
         behind = mirror.behind(view, echoes.position)
         wall &= (behind >= -across) & (behind <= across + max(wall_margin, 2.0 * mirror.depth))
-        face[wall & (face == root)] = nobody
+        face[wall & (face == root)] = unseen
         closer = wall & own & (np.abs(behind) <= across + mirror.depth) & (np.abs(behind) < nearest)
         face[closer] = index
         nearest[closer] = np.abs(behind)[closer]

@@ -31,7 +31,7 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     order : Order
     echoes : Echoes
     owner : (n,) array of int
-        Number of the mirror through which each echo is seen by its line of sight, `ROOT` if direct, or `NOBODY` for
+        Number of the mirror through which each echo is seen by its line of sight, `ROOT` if direct, or `UNSEEN` for
         echoes that are not of a visible object.
     """
     sight, view, owner = order.sight, order.sight.view, owner.copy()

@@ -17,7 +17,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Fold, fold_of
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
-from mirrorfold.tree.lines_of_sight import NOBODY, ROOT
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 SCATTERED = "was scattered by a rough wall on the way to something else and back"
@@ -169,7 +169,7 @@ def _objects(order: Order, echoes: Echoes) -> tuple[Array, Array]:
     objects = objects.take(view.brightest(objects.position, objects.amplitude))
     through = order.sight.seen_through(objects.range, objects.direction)
     places, levels = [np.empty((0, view.dimensions))], [np.empty(0)]
-    for index in np.unique(through[through != NOBODY]):
+    for index in np.unique(through[through != UNSEEN]):
         seen = objects.take(through == index)
         places.append(fold_of(order.way(int(index)), view.dimensions)(seen.position))
         levels.append(seen.amplitude)
