@@ -41,7 +41,7 @@ from mirrorfold.folding.confidence import (
 )
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.scoring import floor_plans
-from mirrorfold.tree.measured import told_by_sweep
+from mirrorfold.tree.measured import measured_by_sweep
 from mirrorfold.tree.rounds import find_tree
 
 BINS = 10
@@ -65,7 +65,7 @@ def points_of(task: Task) -> Points:
     view = see(mf.focus(sweep, tolerance=1e-3))
     echoes = find_echoes(view)
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
-    told = told_by_sweep(sweep)(view)
+    told = measured_by_sweep(sweep)(view)
     found = find_tree(view, echoes, settings, measured=told)
     points = measured(fold_back(found.tree), told.share)
     count = len(points.position)

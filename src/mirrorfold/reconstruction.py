@@ -40,7 +40,7 @@ from mirrorfold.focusing.scans.imaging import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import judged
-from mirrorfold.folding.earlier import initial_image, told_before
+from mirrorfold.folding.earlier import initial_image, kept_measurements
 from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.gaps import close_gaps
 from mirrorfold.folding.memory import fold_parts
@@ -52,7 +52,7 @@ from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarizations, polarized
 from mirrorfold.tree.kinds import find_every_kind
 from mirrorfold.tree.lines_of_sight import ROOT
-from mirrorfold.tree.measured import Measured, Teller, nothing_measured, told_by_sweep
+from mirrorfold.tree.measured import Measured, Measurer, measured_by_sweep, no_measurements
 from mirrorfold.tree.rounds import agreed
 
 
@@ -179,8 +179,8 @@ class FoldPlan:
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
         # The image of the first polarization is folded; both images together tell which echoes passed through walls.
         self._polarizations, image, sweep = polarized(image, sweep)
-        self._measure: Teller = (
-            told_before(image) if isinstance(image, xr.DataTree) and sweep is None else nothing_measured
+        self._measure: Measurer = (
+            kept_measurements(image) if isinstance(image, xr.DataTree) and sweep is None else no_measurements
         )
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
         # With a single antenna that sends and receives, nothing tells whether waves left and arrived by different ways.
@@ -188,7 +188,7 @@ class FoldPlan:
         self._sweep = None if checked is None or is_monostatic(checked) else checked
         if self._sweep is not None:
             check_origin(self.image, self._sweep)
-            self._measure = told_by_sweep(self._sweep)
+            self._measure = measured_by_sweep(self._sweep)
         # Users move given mirrors more often than they change settings: the echoes of the latest settings are kept.
         self._view = lru_cache(partial(see, self.image))
         # None of these caches refers to the plan: an image of hundreds of megabytes is freed as soon as its plan is.
@@ -265,7 +265,7 @@ class FoldPlan:
             mirrors = check_mirrors([])  # no mirror is used, and no echo is taken for a ghost
         if mirrors is not None and settings.opaque:
             echoes, walls = self._wall_echoes(chosen, settings)
-        measure = self._measure if not settings.published else nothing_measured
+        measure = self._measure if not settings.published else no_measurements
         measured = measure(view) if isinstance(view, ImageView) else Measured()
         found = find_every_kind(
             *(view, echoes, settings), measured=measured, known=mirrors, walls=walls, polarizations=self._polarizations,

@@ -13,10 +13,10 @@ from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
 from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS, Overhangs
 from mirrorfold.tree.explaining.misplaced import MIXED, known_confocal, known_ghosts
-from mirrorfold.tree.measured import Measured, Teller
+from mirrorfold.tree.measured import Measured, Measurer
 
 
-def told_before(reconstruction: xr.DataTree) -> Teller:
+def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it."""
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)

@@ -38,25 +38,25 @@ class Measured:
     share: Callable[[Array, Array], Array] | None = None
 
 
-Teller = Callable[[ImageView], Measured]
+Measurer = Callable[[ImageView], Measured]
 """A function that returns the measurements of each view of one image."""
 
 
-def nothing_measured(view: ImageView) -> Measured:
+def no_measurements(view: ImageView) -> Measured:
     """No measurements: for an image whose sweep is not at hand."""
     return Measured()
 
 
-def told_by_sweep(sweep: xr.Dataset) -> Teller:
+def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
     """Measurements by the sweep that the image was focused from; each echo is measured once, for all views."""
     tested: Known = {}
     ends: dict[tuple[float, ...], float] = {}
 
-    def told(view: ImageView) -> Measured:
+    def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(misplaced, sweep=sweep, view=view, known=tested),
             beside=partial(half_shadows, sweep=sweep, known=ends),
             share=partial(confocal, sweep=sweep, view=view, known=tested),
         )
 
-    return told
+    return measure
