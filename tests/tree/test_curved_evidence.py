@@ -17,13 +17,22 @@ from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import fold_of
 from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree import curved, showing
+from mirrorfold.tree import curved, evidence
 from mirrorfold.tree.assignment import Found, assign_echoes
 from mirrorfold.tree.curved import candidates, find_curved, shows_new, without_bent
+from mirrorfold.tree.evidence import (
+    KNOWN_CELLS,
+    Evidence,
+    Steps,
+    agreeing,
+    behind,
+    evidence_of,
+    filled_cells,
+    known_places,
+)
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import order_mirrors
 from mirrorfold.tree.rounds import find_tree
-from mirrorfold.tree.showing import KNOWN_CELLS, Evidence, Steps, agreeing, behind, evidence, filled_cells, known_places
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
 
@@ -99,8 +108,8 @@ SHALLOW = ArcMirror(middle=np.array([0.0, 5.3]), radius=4.0, first=1.5 * np.pi -
 )  # fmt: skip
 def test_a_flat_mirror_is_a_piece_of_an_arc_if_two_fifths_of_it_lie_on_it(view, first, last, aside, piece):
     ends = SHALLOW.at(np.array([first, last])) + np.array([0.0, aside])
-    assert showing._along(LineMirror(*ends), SHALLOW, view) == piece
-    assert not showing._along(SHALLOW, SHALLOW, view)
+    assert evidence._along(LineMirror(*ends), SHALLOW, view) == piece
+    assert not evidence._along(SHALLOW, SHALLOW, view)
 
 
 def test_known_is_all_but_what_flat_pieces_of_the_arc_place(view):
@@ -125,17 +134,17 @@ SHOWN = np.array([[0.0, 1.5], [0.05, 1.9], [-0.1, 1.9], [0.1, 2.3]])
 def test_evidence_counts_cells_that_show_what_is_new(view):
     true = fold_of([PILLAR], 2)(SHOWN)
     found = found_with(view, [PILLAR], [*SHOWN, SHOWN[0], [0.7, 0.9], [0.0, 1.02]])
-    assert evidence(found, view, PILLAR, np.empty((0, 2))) == Evidence(4, 4, 0.0)
+    assert evidence_of(found, view, PILLAR, np.empty((0, 2))) == Evidence(4, 4, 0.0)
     # Known is what is near in cells as wide as the mirror leaves them.
     width = np.abs(PILLAR.spread(SHOWN)[0]) * view.cross_cell(SHOWN)
     reach = KNOWN_CELLS * np.hypot(RANGE_CELL, width)
     for factor, new in ((0.99, 2), (1.01, 4)):
         known = true[:2] + factor * reach[:2, None] * np.array([0.6, -0.8])
-        assert evidence(found, view, PILLAR, known) == Evidence(4, new, 0.0)
+        assert evidence_of(found, view, PILLAR, known) == Evidence(4, new, 0.0)
     # Another arc has nothing behind it.
-    assert evidence(found, view, replace(PILLAR, middle=np.array([0.0, 1.4])), true) == Evidence(0, 0, 0.0)
+    assert evidence_of(found, view, replace(PILLAR, middle=np.array([0.0, 1.4])), true) == Evidence(0, 0, 0.0)
     hidden = found._replace(echoes=replace(found.echoes, visible=np.zeros(7, dtype=bool)))
-    assert evidence(hidden, view, PILLAR, true) == Evidence(0, 0, 0.0)
+    assert evidence_of(hidden, view, PILLAR, true) == Evidence(0, 0, 0.0)
 
 
 def test_what_folds_to_where_the_radar_sees_nothing_speaks_against_a_mirror(view):
@@ -143,7 +152,7 @@ def test_what_folds_to_where_the_radar_sees_nothing_speaks_against_a_mirror(view
     assert_allclose(fold_of([PILLAR], 2)(SHOWN[0]), [0.0, 0.5], atol=1e-12)
     for opened, found in ((0.4, Evidence(4, 4, 0.0)), (0.6, Evidence(4, 3, 0.25))):
         tried = found_with(view, [PILLAR], SHOWN, opened=opened)
-        assert evidence(tried, view, PILLAR, np.empty((0, 2))) == found
+        assert evidence_of(tried, view, PILLAR, np.empty((0, 2))) == found
 
 
 def test_what_two_rows_show_at_one_place_speaks_for_both(view):
@@ -151,16 +160,16 @@ def test_what_two_rows_show_at_one_place_speaks_for_both(view):
     true = fold_of([PILLAR], 2)(SHOWN)
     both = true[[0, 2]]
     found = found_with(view, [PILLAR, FLAT], [*SHOWN, *FLAT.reflection(both)])
-    alone = [evidence(found, view, row, np.empty((0, 2))) for row in (PILLAR, FLAT)]
+    alone = [evidence_of(found, view, row, np.empty((0, 2))) for row in (PILLAR, FLAT)]
     assert [what.cells for what in alone] == [4, 2]
     together = agreeing(alone, view)
     assert [(what.cells, what.new, what.empty) for what in together] == [(6, 6, 0.0), (4, 4, 0.0)]
     assert agreeing(alone[:1], view) == alone[:1]
     # What is known already agrees with nothing new, and what stands elsewhere with nothing at all.
-    known = [evidence(found, view, row, true) for row in (PILLAR, FLAT)]
+    known = [evidence_of(found, view, row, true) for row in (PILLAR, FLAT)]
     assert agreeing(known, view) == known
     apart = found_with(view, [PILLAR, FLAT], [*SHOWN, *FLAT.reflection(both + 0.15)])
-    elsewhere = [evidence(apart, view, row, np.empty((0, 2))) for row in (PILLAR, FLAT)]
+    elsewhere = [evidence_of(apart, view, row, np.empty((0, 2))) for row in (PILLAR, FLAT)]
     assert agreeing(elsewhere, view) == elsewhere
 
 
@@ -169,7 +178,7 @@ def test_an_arc_in_a_flat_mirror_is_followed_by_both(view):
     wall = LineMirror(np.array([-0.4, 0.8]), np.array([0.4, 0.8]))
     true = fold_of([wall, PILLAR], 2)(SHOWN)
     found = found_with(view, [wall, PILLAR], SHOWN)
-    assert evidence(found, view, PILLAR, true) == Evidence(4, 0, 0.0)
+    assert evidence_of(found, view, PILLAR, true) == Evidence(4, 0, 0.0)
 
 
 def test_mirrors_seen_by_way_of_a_curved_one_are_left_out(view):
@@ -199,15 +208,15 @@ class Tried:
     def __init__(self, view, places):
         self.view, self.places, self.glanced, self.tried, self.through = view, places, [], [], []
 
-    def heard(self, *, through):
+    def find_echoes(self, *, through):
         self.through.append(list(through))
         return echoes_at(self.view, self.places)
 
-    def glance(self, *, echoes, besides):
+    def quick_pass(self, *, echoes, besides):
         self.glanced.append(list(besides))
         return found_with(self.view, list(besides), echoes.position)
 
-    def again(self, *, echoes, besides):
+    def full_pass(self, *, echoes, besides):
         self.tried.append(list(besides))
         return found_with(self.view, list(besides), echoes.position)
 
@@ -217,7 +226,7 @@ def curved_of(view, monkeypatch, places, *proposed):
     steps, rounds = Tried(view, places), iter(proposed)
     monkeypatch.setattr(curved, "candidates", lambda found, view: next(rounds))
     first = found_with(view, [], places)
-    return find_curved(first, view, Steps(steps.heard, steps.glance, steps.again))[0], first, steps
+    return find_curved(first, view, Steps(steps.find_echoes, steps.quick_pass, steps.full_pass))[0], first, steps
 
 
 ASIDE = replace(PILLAR, middle=np.array([0.9, 1.0]), first=np.pi - 0.6)
@@ -248,7 +257,7 @@ def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_
     def again(*, echoes, besides):
         return found_with(view, list(besides), echoes.position[:2])
 
-    assert find_curved(first, view, Steps(steps.heard, steps.glance, again))[0] is first
+    assert find_curved(first, view, Steps(steps.find_echoes, steps.quick_pass, again))[0] is first
     assert steps.glanced == [[PILLAR]]
 
 

@@ -15,9 +15,9 @@ from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.search.lines import MINIMUM_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import kinds
+from mirrorfold.tree.evidence import Steps
 from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.short_rows import SHORTEST_CELLS, find_short, short_rows
-from mirrorfold.tree.showing import Steps
 
 CELL = 0.0318
 """Diagonal of the resolution cell at the wall, a metre away [m]."""
@@ -112,7 +112,7 @@ def test_a_shortest_mirror_that_is_given_holds(hidden_behind_short_wall):
 
 def test_short_mirrors_stay_when_steps_2_to_4_are_done_again(hidden_behind_short_wall, monkeypatch):
     """As they are without what passed through walls."""
-    monkeypatch.setattr(kinds, "guess_transparent", lambda found, view, every, again: again(echoes=every))
+    monkeypatch.setattr(kinds, "guess_transparent", lambda found, view, every, full_pass: full_pass(echoes=every))
     assert mf.fold(hidden_behind_short_wall)["mirrors"].sizes["mirror"] == 1
 
 

@@ -16,9 +16,9 @@ from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirrors.mirror import Mirror, faces
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.evidence import Evidence, Steps, with_rows
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
-from mirrorfold.tree.showing import Evidence, Steps, with_rows
 
 FEWEST_CELLS = 3
 """Least number of resolution cells with echoes behind a mirror: multiple scattering may fill one."""
@@ -38,7 +38,7 @@ def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mir
         steps,
         proposed=lambda known, view: candidates(known, view),
         fewest=FEWEST_CELLS,
-        tells=shows_new,
+        is_enough=shows_new,
     )
 
 

@@ -22,13 +22,13 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
+from mirrorfold.tree.evidence import Steps
 from mirrorfold.tree.explaining.doubted import without_doubted
 from mirrorfold.tree.half_transparent.guessed import guess_transparent
 from mirrorfold.tree.half_transparent.transparent import find_transparent
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.short_rows import find_short
-from mirrorfold.tree.showing import Steps
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -62,19 +62,19 @@ def find_every_kind(
         Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
     """
     find = remembering()
-    again = partial(find_tree, view, settings=settings, measured=measured, find=find)
-    found, rows, bent = again(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
+    full_pass = partial(find_tree, view, settings=settings, measured=measured, find=find)
+    found, rows, bent = full_pass(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
     if both:
-        found = find_transparent(found, view, both, echoes, again=partial(again, known=known))
+        found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, known=known))
     if known is not None or settings.published:
         return found
     if not found.windows:
         steps = Steps(
-            heard=partial(find_echoes, view, threshold_db=settings.threshold_db),
-            glance=partial(find_tree, view, settings=replace(settings, copies=False), find=find),
-            again=again,
+            find_echoes=partial(find_echoes, view, threshold_db=settings.threshold_db),
+            quick_pass=partial(find_tree, view, settings=replace(settings, copies=False), find=find),
+            full_pass=full_pass,
         )
         if settings.curved:
             found, rows, bent = find_curved(found, view, steps)
@@ -83,7 +83,7 @@ def find_every_kind(
             found, rows, _ = find_short(found, view, steps, minimum_length=shortest, besides=rows)
         # Short and curved walls are half-transparent as often as other walls.
         if both and rows:
-            found = find_transparent(found, view, both, echoes, again=partial(again, besides=rows))
+            found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))
     if passable and not polarizations:
-        found = guess_transparent(found, view, echoes, again=partial(again, besides=rows))
+        found = guess_transparent(found, view, echoes, full_pass=partial(full_pass, besides=rows))
     return found if found.windows or not settings.opaque else without_doubted(found, view, bent)

@@ -70,7 +70,7 @@ def find_tree(
         Tests by the sweep. When an echo fails a test and is left out, the echoes behind it become visible and are
         tested in their turn.
     besides : sequence of Mirror
-        Mirrors to be used besides those that are found, see `mirrorfold.tree.showing`.
+        Mirrors to be used besides those that are found, see `mirrorfold.tree.evidence`.
     find : callable
         Step 2: `find_mirrors`, or another function with its arguments.
     """

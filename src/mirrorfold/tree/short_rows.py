@@ -20,8 +20,8 @@ from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.evidence import Steps, behind, with_rows
 from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, ROOT, UNSEEN
-from mirrorfold.tree.showing import Steps, behind, with_rows
 
 SHORTEST_CELLS = 5.0
 """Least length of such a row, in resolution cells, about that of an arc. Other mirrors must have `MINIMUM_CELLS`."""
@@ -52,7 +52,7 @@ def find_short(
         steps,
         proposed=lambda known, _: short_rows(known, view, SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
         fewest=FEWEST,
-        shown=outshining,
+        selected=outshining,
         besides=besides,
     )
 

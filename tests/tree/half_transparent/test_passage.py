@@ -79,7 +79,7 @@ def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
         asked.append(echoes)
         return again(echoes=echoes)
 
-    result = guess_transparent(found, view, found.echoes, again=once_more)
+    result = guess_transparent(found, view, found.echoes, full_pass=once_more)
     if expected == UNDECIDED:
         assert result is found
         assert not asked
@@ -92,13 +92,13 @@ def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
     assert len(asked[0]) == len(found.echoes) - len(window.echoes)
     curved = MirrorTree(SimpleNamespace(curved=True), node.face.take([]), node.objects.take([]), chain=(9,))
     beside = found._replace(tree=replace(found.tree, mirrors=(*found.tree.mirrors, curved)))
-    assert guess_transparent(beside, view, found.echoes, again=once_more) is beside
+    assert guess_transparent(beside, view, found.echoes, full_pass=once_more) is beside
 
 
 def test_what_stands_before_a_wall_and_seems_to_behind_was_reflected():
     found, node, view, again = find(objects=[SHOWN, LEFT])
     np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], 1.0 - GUESS)
-    assert guess_transparent(found, view, found.echoes, again=again) is found
+    assert guess_transparent(found, view, found.echoes, full_pass=again) is found
 
 
 def test_an_object_at_both_places_tells_nothing():

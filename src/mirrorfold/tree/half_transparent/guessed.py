@@ -23,7 +23,7 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import as_far_as_hidden, last_leg, met_by
 from mirrorfold.tree.grouping import object_numbers
-from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST, UNDECIDED, Again, Window, taken_out
+from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST, UNDECIDED, Pass, Window, taken_out
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 GUESS = 0.8
@@ -34,7 +34,7 @@ SAME_PLACE = 1.5
 """Largest distance of two echoes that show the same place, in resolution cells."""
 
 
-def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) -> Found:
+def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pass) -> Found:
     """Steps 2 to 4 once more without the echoes that, by geometry, passed through walls; unchanged if none did.
 
     If any mirror is curved, nothing is guessed: the echoes behind curved mirrors are judged by other tests.
@@ -46,7 +46,7 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) 
     view : View
     every : Echoes
         All echoes of the view.
-    again : callable
+    full_pass : callable
     """
     if any(node.line is not None and node.line.curved for node in found.tree.walk()):
         return found
@@ -62,7 +62,7 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, again: Again) 
             place = seen.position
             tested = node.objects.position
             windows.append(Window(node.line, None, seen, place, passed[through], tested, passed, BY_GEOMETRY))
-    return taken_out(found, windows, view, every, again)
+    return taken_out(found, windows, view, every, full_pass)
 
 
 def passage(

@@ -95,14 +95,14 @@ class Window:
     decided: str
 
 
-class Again(Protocol):
+class Pass(Protocol):
     """Does steps 2 to 4 with some of the echoes, see `mirrorfold.tree.rounds.find_tree`."""
 
     def __call__(self, *, echoes: Echoes) -> Found: ...  # noqa: D102
 
 
 def find_transparent(
-    found: Found, view: View, images: Mapping[str, xr.DataArray], every: Echoes, *, again: Again
+    found: Found, view: View, images: Mapping[str, xr.DataArray], every: Echoes, *, full_pass: Pass
 ) -> Found:
     """Steps 2 to 4 once more without the echoes that passed through walls; unchanged if no wall is transparent.
 
@@ -116,7 +116,7 @@ def find_transparent(
         Complex images by polarization, "TE" and "TM".
     every : Echoes
         All echoes of the view.
-    again : callable
+    full_pass : callable
     """
     windows = []
     for index, chain in enumerate(found.sight.chain):
@@ -125,15 +125,15 @@ def find_transparent(
         window = look_through(found, view, images, index, mirror)
         if window is not None:
             windows.append(window)
-    return taken_out(found, windows, view, every, again)
+    return taken_out(found, windows, view, every, full_pass)
 
 
-def taken_out(found: Found, windows: Sequence[Window], view: View, every: Echoes, again: Again) -> Found:
+def taken_out(found: Found, windows: Sequence[Window], view: View, every: Echoes, full_pass: Pass) -> Found:
     """Steps 2 to 4 once more without the echoes that passed through `windows`; unchanged if there are none."""
     if not windows:
         return found
     gone = np.isin(_key(every), np.concatenate([_key(window.echoes) for window in windows]))
-    result = again(echoes=every.take(~gone)) if gone.any() else found
+    result = full_pass(echoes=every.take(~gone)) if gone.any() else found
     return result._replace(windows=tuple(_first_objects(_with_new_mirror(window, result), view) for window in windows))
 
 

@@ -39,30 +39,30 @@ MOST_EMPTY = 0.3
 """Largest share of the cells behind a mirror that may fold to places that the radar sees to be empty."""
 
 
-Shown = Callable[[View, Echoes, Mirror], Mask]
+EvidenceSelector = Callable[[View, Echoes, Mirror], Mask]
 """Which echoes are evidence for a row, (n,)."""
 
 
-class Heard(Protocol):
+class EchoFinder(Protocol):
     """Finds the echoes of the image, with a threshold that is lowered behind mirrors by as much as these dim echoes."""
 
     def __call__(self, *, through: Sequence[Mirror]) -> Echoes: ...  # noqa: D102
 
 
-class Again(Protocol):
+class Pass(Protocol):
     """Does steps 2 to 4 with echoes, and mirrors besides those found, see `mirrorfold.tree.rounds.find_tree`."""
 
     def __call__(self, *, echoes: Echoes, besides: Sequence[Mirror]) -> Found: ...  # noqa: D102
 
 
-class ShownNew(NamedTuple):
+class NewEchoes(NamedTuple):
     """New echoes by one chain that ends at a row, (n,), their true places (n, d) [m] and errors of these (n,) [m]."""
 
     echoes: Echoes
     place: Array
     reach: Array
 
-    def cells_at(self, others: Sequence[ShownNew], view: View) -> int:
+    def cells_at(self, others: Sequence[NewEchoes], view: View) -> int:
         """Number of resolution cells of those of these echoes that fold to the same places as some of the others."""
         agrees = np.zeros(len(self.place), dtype=bool)
         for other in others:
@@ -91,7 +91,7 @@ class Evidence:
     cells: int
     new: int
     empty: float
-    shown: tuple[ShownNew, ...] = field(default=(), compare=False, repr=False)
+    new_echoes: tuple[NewEchoes, ...] = field(default=(), compare=False, repr=False)
 
     @property
     def possible(self) -> bool:
@@ -105,15 +105,16 @@ class Steps:
 
     Attributes
     ----------
-    heard, glance, again : callable
-        See `Heard` and `Again`. `glance` skips the tests for copies and for echoes from elsewhere, and takes a tenth of
-        the time. Echoes that fail these tests can only add to what seems new behind an arc: if too little is new even
-        with them, the arc is no mirror. That rejected 16 of 70 arcs of random scenes, none of them a mirror in the end.
+    find_echoes, quick_pass, full_pass : callable
+        See `EchoFinder` and `Pass`. `quick_pass` skips the tests for copies and for echoes from elsewhere, and takes a
+        tenth of the time. Echoes that fail these tests can only add to what seems new behind an arc: if too little is
+        new even with them, the arc is no mirror. That rejected 16 of 70 arcs of random scenes, none of them a mirror in
+        the end.
     """
 
-    heard: Heard
-    glance: Again
-    again: Again
+    find_echoes: EchoFinder
+    quick_pass: Pass
+    full_pass: Pass
 
 
 def with_rows(
@@ -123,8 +124,8 @@ def with_rows(
     *,
     proposed: Callable[[Found, View], Sequence[Mirror]],
     fewest: int,
-    shown: Shown | None = None,
-    tells: Callable[[Evidence], bool] = lambda seen: True,
+    selected: EvidenceSelector | None = None,
+    is_enough: Callable[[Evidence], bool] = lambda seen: True,
     besides: Sequence[Mirror] = (),
 ) -> tuple[Found, list[Mirror], list[Mirror]]:
     """Steps 2 to 4 once more, with the rows that the echoes behind them prove to be mirrors; unchanged if none is.
@@ -143,9 +144,9 @@ def with_rows(
         Returns rows that may be mirrors, from what is found so far.
     fewest : int
         Least number of resolution cells behind a row that hold echoes which count as evidence.
-    shown : callable, optional
+    selected : callable, optional
         Returns which echoes count as evidence for a row; `behind` by default.
-    tells : callable
+    is_enough : callable
         Returns whether the evidence is enough.
     besides : sequence of Mirror
         Rows that are known to be mirrors.
@@ -155,32 +156,34 @@ def with_rows(
     Found, list of Mirror, list of Mirror
         The result with the rows that are mirrors; these rows, with those of `besides`; and the rejected rows.
     """
-    told, every_row, first, shown = list[Mirror](), list[Mirror](), found, shown or behind
+    proved, every_row, first, selected = list[Mirror](), list[Mirror](), found, selected or behind
     for _ in range(2):
-        known = [*besides, *told]
+        known = [*besides, *proved]
         new = [row for row in proposed(found, view) if not any(overlap(row, other) for other in known)]
         every_row += new
-        trial, tried = [*told, *new], found
-        while len(trial) > len(told):
+        trial, tried = [*proved, *new], found
+        while len(trial) > len(proved):
             every = [*besides, *trial]
-            echoes = steps.heard(through=every)
-            kept = [row for row in trial if filled_cells(view, echoes.take(shown(view, echoes, row))) >= fewest]
+            echoes = steps.find_echoes(through=every)
+            kept = [row for row in trial if filled_cells(view, echoes.take(selected(view, echoes, row))) >= fewest]
             places = known_places(first, view, every)
-            for step, whole in ((steps.glance, False), (steps.again, True)):
+            for step, whole in ((steps.quick_pass, False), (steps.full_pass, True)):
                 if len(kept) < len(trial):
                     break
                 tried = step(echoes=echoes, besides=every)
-                seen = agreeing([evidence(tried, view, row, places, shown) for row in trial], view)
-                enough = [what.cells >= fewest and tells(what) and (what.possible or not whole) for what in seen]
-                kept = list(compress(trial, enough))
+                seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
+                convincing = [
+                    what.cells >= fewest and is_enough(what) and (what.possible or not whole) for what in seen
+                ]
+                kept = list(compress(trial, convincing))
             if len(kept) == len(trial):
                 break
             trial = kept
-        if len(trial) <= len(told):
+        if len(trial) <= len(proved):
             break
-        told, found = trial, tried
-    in_vain = [row for row in every_row if not any(overlap(row, other) for other in told)]
-    return found, [*besides, *told], in_vain
+        proved, found = trial, tried
+    in_vain = [row for row in every_row if not any(overlap(row, other) for other in proved)]
+    return found, [*besides, *proved], in_vain
 
 
 def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
@@ -215,17 +218,17 @@ def _along(mirror: Mirror, row: Mirror, view: View) -> bool:
     return not mirror.curved and bool(row.holds(places, cell, cell).mean() >= PIECE)
 
 
-def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown = behind) -> Evidence:
+def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: EvidenceSelector = behind) -> Evidence:
     """The evidence for a row that was tried as a mirror in `found`; `known` (n, d) [m] are places known before."""
     sight, echoes = found.sight, found.echoes
     ways = found.tree.ways()
     own = [(index, ways[chain]) for index, chain in enumerate(sight.chain) if chain and _part_of(ways[chain][-1], row)]
-    cells, empty, shows = 0, 0, list[ShownNew]()
+    cells, empty, shows = 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)
     for index, way in own:
         seen = echoes.take(echoes.visible & (through == index))
-        seen = seen.take(shown(view, seen, row))
+        seen = seen.take(selected(view, seen, row))
         if not len(seen):
             continue
         place = fold_of(way, view.dimensions)(seen.position)
@@ -236,7 +239,7 @@ def evidence(found: Found, view: View, row: Mirror, known: Array, shown: Shown =
         new = (tree.query(place)[0] > reach) & ~contradicted
         cells += filled_cells(view, seen)
         empty += filled_cells(view, seen.take(contradicted))
-        shows.append(ShownNew(seen.take(new), place[new], reach[new]))
+        shows.append(NewEchoes(seen.take(new), place[new], reach[new]))
     fresh = sum(filled_cells(view, one.echoes) for one in shows)
     return Evidence(cells, fresh, empty / max(cells, 1), tuple(shows))
 
@@ -247,7 +250,9 @@ def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
     """
     together = []
     for own in seen:
-        more = sum(shows.cells_at(own.shown, view) for other in seen if other is not own for shows in other.shown)
+        more = sum(
+            shows.cells_at(own.new_echoes, view) for other in seen if other is not own for shows in other.new_echoes
+        )
         together.append(replace(own, cells=own.cells + more, new=own.new + more))
     return together
 
