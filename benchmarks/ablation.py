@@ -31,7 +31,7 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.tree import completion, kinds, measured, ordering, rounds
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining import doubted
+from mirrorfold.tree.explaining import explained_by_tree
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 
 Instead = dict[ModuleType | type, dict[str, Any]]
@@ -52,7 +52,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
     "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
     "what casts no shadow": ({ordering: {"without_shadow": lambda objects, *given: objects}}, {}),
-    "far side lobes": ({doubted: {"outshone": nobody}}, {}),
+    "far side lobes": ({explained_by_tree: {"outshone": nobody}}, {}),
     "walls behind objects": (
         {completion: {"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}},
         {},
@@ -69,10 +69,10 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
     "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),
     "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
-    "late edges": ({doubted: {"late_edges": nobody}}, {}),
-    "what would stand behind walls": ({doubted: {"behind_walls": nobody}}, {}),
-    "what would stand behind objects": ({doubted: {"behind_objects": nobody_at_all}}, {}),
-    "what goes to and fro": ({doubted: {"to_and_fro": nobody_at_all}}, {}),
+    "late edges": ({explained_by_tree: {"late_edges": nobody}}, {}),
+    "what would stand behind walls": ({explained_by_tree: {"behind_walls": nobody}}, {}),
+    "what would stand behind objects": ({explained_by_tree: {"behind_objects": nobody_at_all}}, {}),
+    "what goes to and fro": ({explained_by_tree: {"to_and_fro": nobody_at_all}}, {}),
     "short cuts": ({rounds: {"short_cuts": nobody}}, {}),
     "curved mirrors": ({}, {"curved": False}),
     "half-transparent walls": ({}, {"transparent": False}),

@@ -272,7 +272,7 @@ class FoldPlan:
             short=chosen.minimum_length is None,
         )  # fmt: skip
         report(2, 3)
-        points = fold_back(found.tree, view, found.windows)
+        points = fold_back(found.tree, view, found.transparent_walls)
         if not settings.published:
             points = judged(points, found, measured.share)
         if settings.close_gaps and isinstance(view, ImageView):

@@ -14,7 +14,7 @@ from synthetic import diffuse, empty_view, radar_image, together
 import mirrorfold as mf
 from mirrorfold.common.geometry import cross2
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
-from mirrorfold.tree.mirror_tree import led_astray
+from mirrorfold.tree.mirror_tree import place_covariance
 
 A, B, C = wall((0.0, 1.2), 47.0, 0.8), wall((1.0, 1.25), 44.0, 0.9), wall((1.05, 2.05), 42.0, 1.0)
 
@@ -150,7 +150,9 @@ def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
     assert_allclose(np.std(strays, axis=0), tree.errors()[(0, 0, 0)], rtol=0.1)
     assert tree.errors()[(0,)] == (lines[0].angle_error, lines[0].offset_error)
     # And so do those of what is seen by way of them all.
-    assert_allclose(np.cov(np.transpose(seen)), led_astray(place[None], lines)[0], rtol=0.1, atol=1e-3 * np.var(seen))
+    assert_allclose(
+        np.cov(np.transpose(seen)), place_covariance(place[None], lines)[0], rtol=0.1, atol=1e-3 * np.var(seen)
+    )
 
 
 def folded(lines):

@@ -19,7 +19,7 @@ from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
 from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS
-from mirrorfold.tree.half_transparent.transparent import Window
+from mirrorfold.tree.half_transparent.transparent import TransparentWall
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
@@ -77,7 +77,7 @@ def collect(
                "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
     drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)
                      for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
-    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points, found.windows)}
+    tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points, found.transparent_walls)}
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
@@ -159,9 +159,9 @@ def _objects(points: Points) -> xr.Dataset:
     return xr.Dataset(data).set_coords(list(axes))
 
 
-def _pane(mirror: Mirror, windows: Sequence[Window]) -> dict[str, float]:
+def _pane(mirror: Mirror, transparent_walls: Sequence[TransparentWall]) -> dict[str, float]:
     """Permittivity and thickness [m] of a half-transparent wall, with their standard errors; NaN for other walls."""
-    pane = next((window.pane for window in windows if window.mirror is mirror), None)
+    pane = next((wall.pane for wall in transparent_walls if wall.mirror is mirror), None)
     names = "permittivity", "permittivity_error", "thickness", "thickness_error"
     if pane is None:
         return dict.fromkeys(names, np.nan)
@@ -174,7 +174,7 @@ def _overhang(mirror: Mirror) -> tuple[float, float]:
     return getattr(mirror, "overhang", (0.0, 0.0))
 
 
-def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -> xr.Dataset:
+def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[TransparentWall] = ()) -> xr.Dataset:
     """The table of mirrors: each one in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
     units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
@@ -205,8 +205,8 @@ def _mirrors(tree: MirrorTree, points: Points, windows: Sequence[Window] = ()) -
             own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
         if any_overhang:
             own |= dict(zip(OVERHANG_COLUMNS, _overhang(mirror), strict=True))
-        if any(window.pane is not None for window in windows):
-            own |= _pane(mirror, windows)
+        if any(wall.pane is not None for wall in transparent_walls):
+            own |= _pane(mirror, transparent_walls)
         return own_place(mirror, folds[()]) | true | place | own
 
     rows = [row(node, mirror) for node, mirror in nodes]

@@ -23,7 +23,7 @@ from mirrorfold.detection.mirrors.mirror import turns
 from mirrorfold.detection.views.view import View
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.mirror_tree import MirrorTree, led_astray
+from mirrorfold.tree.mirror_tree import MirrorTree, place_covariance
 
 TRUE_CELLS = 1.5
 """A point is true if a surface stands within this many resolution cells of it."""
@@ -202,7 +202,7 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
         seen = points.chain == chain_name(chain)
         turn = turns(folds[chain], points.initial[seen])
         variance[seen] = turn @ variance[seen] @ np.swapaxes(turn, -1, -2)
-        mirror_variance[seen] = led_astray(points.initial[seen], way)
+        mirror_variance[seen] = place_covariance(points.initial[seen], way)
     astray = np.sqrt(np.trace(mirror_variance, axis1=1, axis2=2)) / np.asarray(view.cell(range_))
     return np.sqrt(np.einsum("nii->ni", variance + mirror_variance)), astray
 

@@ -19,7 +19,7 @@ from mirrorfold.common.types import Array, Chain, Index, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View, in_pieces
 from mirrorfold.folding.magnification import magnified
-from mirrorfold.tree.half_transparent.transparent import Window
+from mirrorfold.tree.half_transparent.transparent import TransparentWall
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -106,7 +106,7 @@ class Points:
         return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
-def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Window] = ()) -> Points:
+def fold_back(tree: MirrorTree, view: View | None = None, transparent_walls: Sequence[TransparentWall] = ()) -> Points:
     """Every echo at its true place, as points.
 
     Parameters
@@ -115,7 +115,7 @@ def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Wind
         The root. Points are in the order of its nodes, depth first; in each, objects before the face of its mirror.
     view : View, optional
         Gives the resolution behind curved mirrors; without it, the points get that behind flat mirrors.
-    windows : sequence of Window, optional
+    transparent_walls : sequence of TransparentWall, optional
         Half-transparent walls, with the echoes that passed through them; their points come last.
     """
     folds, ways = tree.folds(), tree.ways()
@@ -128,8 +128,8 @@ def fold_back(tree: MirrorTree, view: View | None = None, windows: Sequence[Wind
                 mirror=chain_name(mirror), growth=growth, caustic=caustic.astype(str),
             ))  # fmt: skip
     points = joined(*parts)
-    for window in windows:
-        points = joined(_tested(points, window), _passed_points(window, tree))
+    for wall in transparent_walls:
+        points = joined(_tested(points, wall), _passed_points(wall, tree))
     return points
 
 
@@ -138,23 +138,23 @@ def joined(*parts: Points) -> Points:
     return Points(*(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(parts[0])))
 
 
-def _tested(points: Points, window: Window) -> Points:
+def _tested(points: Points, wall: TransparentWall) -> Points:
     """The points with the probability that they passed through a wall, where it was tested for this wall."""
-    if not len(points.initial) or not len(window.tested):
+    if not len(points.initial) or not len(wall.tested):
         return points
-    distance, nearest = cKDTree(window.tested).query(points.initial)
+    distance, nearest = cKDTree(wall.tested).query(points.initial)
     is_tested = distance < SAME
     return replace(
         points,
-        passed=np.where(is_tested, window.passed[nearest], points.passed),
-        decided=np.where(is_tested, window.decided, points.decided),
+        passed=np.where(is_tested, wall.passed[nearest], points.passed),
+        decided=np.where(is_tested, wall.decided, points.decided),
     )
 
 
-def _passed_points(window: Window, tree: MirrorTree) -> Points:
+def _passed_points(wall: TransparentWall, tree: MirrorTree) -> Points:
     """The echoes that passed through a wall, as points in line of sight."""
-    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is window.mirror), "?")
-    return Points.of(window.echoes, window.place, passed=window.probability, wall=chain, decided=window.decided)
+    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is wall.mirror), "?")
+    return Points.of(wall.echoes, wall.place, passed=wall.probability, wall=chain, decided=wall.decided)
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:

@@ -16,7 +16,7 @@ from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
 if TYPE_CHECKING:
-    from mirrorfold.tree.half_transparent.transparent import Window
+    from mirrorfold.tree.half_transparent.transparent import TransparentWall
 
 ITSELF = "is the radar itself, seen in a mirror"
 
@@ -37,7 +37,7 @@ class Found(NamedTuple):
         Echoes that were left out, because no object stands where the image shows them.
     explanation : (n,) array of str
         Why each of them was left out.
-    windows : tuple of Window
+    transparent_walls : tuple of TransparentWall
         Half-transparent walls and the echoes that passed through them, see
         `mirrorfold.tree.half_transparent.transparent`.
     """
@@ -47,7 +47,7 @@ class Found(NamedTuple):
     sight: LinesOfSight
     elsewhere: Echoes
     explanation: Names
-    windows: tuple[Window, ...] = ()
+    transparent_walls: tuple[TransparentWall, ...] = ()
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:

@@ -23,7 +23,7 @@ from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.evidence import Steps
-from mirrorfold.tree.explaining.doubted import without_doubted
+from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.half_transparent.guessed import guess_transparent
 from mirrorfold.tree.half_transparent.transparent import find_transparent
 from mirrorfold.tree.measured import Measured
@@ -70,7 +70,7 @@ def find_every_kind(
         found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, known=known))
     if known is not None or settings.published:
         return found
-    if not found.windows:
+    if not found.transparent_walls:
         steps = Steps(
             find_echoes=partial(find_echoes, view, threshold_db=settings.threshold_db),
             quick_pass=partial(find_tree, view, settings=replace(settings, copies=False), find=find),
@@ -86,4 +86,4 @@ def find_every_kind(
             found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))
     if passable and not polarizations:
         found = guess_transparent(found, view, echoes, full_pass=partial(full_pass, besides=rows))
-    return found if found.windows or not settings.opaque else without_doubted(found, view, bent)
+    return found if found.transparent_walls or not settings.opaque else without_explained(found, view, bent)

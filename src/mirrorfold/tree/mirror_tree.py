@@ -75,7 +75,7 @@ class MirrorTree:
         result: dict[Chain, tuple[float, float]] = {}
         for chain, (*way, line) in ((chain, way) for chain, way in self.ways().items() if way):
             angle = line.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
-            covariance, normal = led_astray(line.center[None], way)[0], line.normal
+            covariance, normal = place_covariance(line.center[None], way)[0], line.normal
             for mirror in reversed(way):
                 normal = _reflection_matrices(mirror, line.center[None])[0] @ normal
             offset = line.offset_error**2 + float(normal @ covariance @ normal)
@@ -113,7 +113,7 @@ class MirrorTree:
         return "\n".join(rows)
 
 
-def led_astray(places: Array, way: Sequence[Mirror]) -> Array:
+def place_covariance(places: Array, way: Sequence[Mirror]) -> Array:
     """Covariance (n, d, d) [m^2] of the true places of echoes at places (n, d) [m] of the image, from mirrors' errors.
 
     `way` holds the mirrors by way of which the echoes are seen, the nearest to the radar first. Echoes are reflected at

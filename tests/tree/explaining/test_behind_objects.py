@@ -15,7 +15,7 @@ from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
-from mirrorfold.tree.explaining.doubted import without_doubted
+from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.rounds import find_tree
 
@@ -111,7 +111,7 @@ def test_it_is_left_out_with_the_reason_once_the_tree_is_found():
     echoes = find_ridges(view)
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings, known=np.array([MIRROR]))
-    doubted = without_doubted(found, view)
+    doubted = without_explained(found, view)
     gone = doubted.elsewhere.position[doubted.explanation == BEHIND_AN_OBJECT]
     kept = np.concatenate([one.objects.position for one in doubted.tree.walk()])
     for place, leaves in zip(in_mirror([behind, above]), (True, False), strict=True):

@@ -15,8 +15,8 @@ from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
-from mirrorfold.tree.explaining.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls
-from mirrorfold.tree.explaining.doubted import without_doubted
+from mirrorfold.tree.explaining.behind_walls import BEHIND, behind_rows, behind_walls, prolonged_where_hidden
+from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.rounds import find_tree
 
 MIRROR = np.array([0.76, 0.53]), np.array([0.36, 1.44])
@@ -85,8 +85,8 @@ def test_behind_a_curved_row_that_is_no_mirror_nothing_is_in_line_of_sight(found
     assert not behind_rows(objects, [], sight).any()
     shown = replace(BENT, middle=np.array([1.3, 2.5]), first=1.5 * np.pi - 0.45, span=0.2)
     assert not behind_rows(echoes_at(sight.view, 1.3 * shown.center[None]), [shown], sight).any()
-    after = without_doubted(*found, [replace(BENT, middle=np.array([0.0, 1.9]))])
-    assert after.explanation.tolist() == without_doubted(*found).explanation.tolist()
+    after = without_explained(*found, [replace(BENT, middle=np.array([0.0, 1.9]))])
+    assert after.explanation.tolist() == without_explained(*found).explanation.tolist()
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def found():
 
 def test_they_are_left_out_with_a_reason(found):
     before, view = found
-    after = without_doubted(before, view)
+    after = without_explained(before, view)
 
     def shown(tree):
         points = np.concatenate([node.objects.position for node in tree.walk()])
@@ -116,8 +116,8 @@ def test_they_are_left_out_with_a_reason(found):
 
 def test_what_nothing_speaks_against_is_what_it_was(found):
     before, view = found
-    after = without_doubted(before, view)
-    assert without_doubted(after, view) is after
+    after = without_explained(before, view)
+    assert without_explained(after, view) is after
 
 
 HALF, SCREEN = np.array([[-0.4, 1.2], [0.2, 1.2]]), np.array([[0.1, 0.6], [0.28, 0.6]])
@@ -130,7 +130,7 @@ def gone_on(*walls):
     echoes = find_ridges(view)
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings, known=np.array(walls))
-    longer = as_far_as_hidden(found)
+    longer = prolonged_where_hidden(found)
     assert longer.keys() == found.tree.ways().keys()
     ends = [way[-1].ends for way in longer.values() if way and np.ptp(way[-1].ends[:, 1]) == 0.0]
     return max(ends, key=lambda ends: ends[0, 1])
@@ -161,6 +161,6 @@ def test_a_flat_object_too_short_for_a_mirror_ends_the_view_too(cells, stays):
     echoes = find_ridges(view)
     settings = FoldSettings(opaque=False).completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings, known=np.array([MIRROR]))
-    after = without_doubted(found, view)
+    after = without_explained(found, view)
     points = np.concatenate([node.objects.position for node in after.tree.walk() if node.chain])
     assert bool((np.linalg.norm(points - seen_in(beyond[None]), axis=1) < RANGE_CELL).any()) == stays

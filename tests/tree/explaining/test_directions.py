@@ -316,7 +316,7 @@ def test_what_receivers_hear_from_a_place_is_the_sum_over_groups_of_frequencies(
     field = rng.normal(size=(2, 5, 2, 7)).astype(np.float32)
     heard = np.empty((4, 2))
     single = (value.astype(np.float32) for value in (places, np.ascontiguousarray(receivers.T), np.float64(r), turns))
-    directions._hear(*single, field, heard)
+    directions._receive(*single, field, heard)
     phase = 2.0 * np.pi * (turns[0] + np.arange(5)[:, None, None] * turns[1]) * (cdist(places, receivers) - r)
     expected = np.einsum("gnx,mgx->nm", np.exp(1j * phase), field[:, :, 0] + 1j * field[:, :, 1])
     assert_allclose(heard, np.abs(expected), rtol=1e-4)

@@ -13,7 +13,7 @@ from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding import FoldSettings
-from mirrorfold.tree.explaining.doubted import without_doubted
+from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.explaining.late_edges import late_edges
 from mirrorfold.tree.explaining.misplaced import LATE
 from mirrorfold.tree.rounds import find_tree
@@ -111,7 +111,7 @@ def test_it_is_left_out_with_a_reason():
     echoes = find_ridges(view)
     settings = FoldSettings(opaque=False).completed(**usual_settings(view, echoes))
     before = find_tree(view, echoes, settings, known=np.array([FAR, TOLD]))
-    after = without_doubted(before, view)
+    after = without_explained(before, view)
 
     def near(points):
         return bool((np.linalg.norm(points - place(LATEST), axis=1) < RANGE_CELL).any())

@@ -10,7 +10,7 @@ from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.folding import FoldSettings
-from mirrorfold.tree.explaining.doubted import without_doubted
+from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO
 from mirrorfold.tree.rounds import find_tree
 
@@ -43,7 +43,7 @@ def explained(*objects, walls=(MIRROR, WALL)):
     view = radar_view(*together(*rough, (places, levels)), noise=1e-3)
     echoes = find_ridges(view)
     settings = FoldSettings(opaque=False).completed(**usual_settings(view, echoes))
-    found = without_doubted(find_tree(view, echoes, settings, known=np.array(walls)), view)
+    found = without_explained(find_tree(view, echoes, settings, known=np.array(walls)), view)
     gone = found.elsewhere.position[found.explanation == TO_AND_FRO]
     kept = np.concatenate([node.objects.position for node in found.tree.walk()])
     told = []

@@ -13,7 +13,7 @@ from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.folding import FoldSettings
-from mirrorfold.tree.explaining.behind_walls import as_far_as_hidden
+from mirrorfold.tree.explaining.behind_walls import prolonged_where_hidden
 from mirrorfold.tree.half_transparent.guessed import GUESS, UNDECIDED, _shown, _told, guess_transparent, passage
 from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -66,7 +66,7 @@ def near(echoes, place):
 
 
 def passed(found, node, view):
-    return passage(found, view, node, found.tree.folds(), as_far_as_hidden(found))
+    return passage(found, view, node, found.tree.folds(), prolonged_where_hidden(found))
 
 
 @pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])
@@ -84,12 +84,12 @@ def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
         assert result is found
         assert not asked
         return
-    (window,) = result.windows
-    assert window.decided == BY_GEOMETRY
-    assert (np.linalg.norm(window.echoes.position - SHOWN, axis=1) < 0.08).all()
-    np.testing.assert_allclose(window.probability, GUESS)
-    assert len(window.tested) == len(window.passed) == len(node.objects)
-    assert len(asked[0]) == len(found.echoes) - len(window.echoes)
+    (wall,) = result.transparent_walls
+    assert wall.decided == BY_GEOMETRY
+    assert (np.linalg.norm(wall.echoes.position - SHOWN, axis=1) < 0.08).all()
+    np.testing.assert_allclose(wall.probability, GUESS)
+    assert len(wall.tested) == len(wall.passed) == len(node.objects)
+    assert len(asked[0]) == len(found.echoes) - len(wall.echoes)
     curved = MirrorTree(SimpleNamespace(curved=True), node.face.take([]), node.objects.take([]), chain=(9,))
     beside = found._replace(tree=replace(found.tree, mirrors=(*found.tree.mirrors, curved)))
     assert guess_transparent(beside, view, found.echoes, full_pass=once_more) is beside

@@ -16,7 +16,7 @@ With the order of the mirrors, in each of the `rounds`:
 * `edges`: it stands beside the end of a mirror, and is seen by way of that mirror all the same.
 * `shadowless`: it stands before a wall whose echoes go on undimmed, so that it hides little.
 
-With the whole tree, in the end (`doubted` calls them):
+With the whole tree, in the end (`explained_by_tree` calls them):
 
 * `late_edges`: it went to and fro between two walls, the edge of one sent it to the radar, and it comes from beyond
   the ambiguous range.

@@ -40,7 +40,7 @@ HIDDEN_CELLS = 1.5
 wall may go on."""
 
 
-def as_far_as_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
+def prolonged_where_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
     """`MirrorTree.ways`, with straight mirrors prolonged beyond their ends as far as objects hide the places there."""
     sight, ways = found.sight, found.tree.ways()
     for index, chain in enumerate(sight.chain):
@@ -85,7 +85,7 @@ def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror
     echoes : Echoes
     chain : tuple of int
     ways : mapping of chain to tuple of Mirror
-        The mirrors of each chain, as `as_far_as_hidden` returns them. Curved ones are not tested.
+        The mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
     view : View
     """
     behind, way = np.zeros(len(echoes), dtype=bool), ways[chain]

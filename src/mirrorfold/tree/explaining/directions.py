@@ -181,21 +181,21 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
 
 
-def heard_by(
-    sweep: xr.Dataset, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], heard: NDArray[np.bool_]
+def amplitude_at(
+    sweep: xr.Dataset, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], received: NDArray[np.bool_]
 ) -> Array:
     """Mean amplitude of echoes at ranges [m] and u, (n,) each, focused with some of the antennas only, (n,).
 
-    `sent` (n, tx) and `heard` (n, rx) choose the transmitters and receivers for each echo.
+    `sent` (n, tx) and `received` (n, rx) choose the transmitters and receivers for each echo.
 
     Raises
     ------
     InputError
         If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
-    level = _bistatic(sweep, view, range_, u[:, None], u[:, None], (sent, heard))[:, 0, 0]
+    level = _bistatic(sweep, view, range_, u[:, None], u[:, None], (sent, received))[:, 0, 0]
     tx, rx = (aperture.weight for aperture in _apertures(sweep))
-    return np.asarray(level / ((sent @ tx) * (heard @ rx)))
+    return np.asarray(level / ((sent @ tx) * (received @ rx)))
 
 
 def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
@@ -276,7 +276,7 @@ def bytes_at_once(sweep: xr.Dataset) -> float:
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
-def _hear(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
+def _receive(places, receivers, r, turns, field, out):  # type: ignore[no-untyped-def]
     """``|sum over g and x of field[m, g, :, x] exp(2 pi j (turns[0] + g turns[1]) (|p - x| - r))|`` at places, (n, m).
 
     Places p (n, 3) and receivers x (3, receivers) are relative to the radar, and all places are at the distance r from
@@ -319,13 +319,13 @@ def _bistatic(
     view: ImageView,
     range_: Array,
     sent: Array,
-    heard: Array,
+    received: Array,
     only: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None,
 ) -> Array:
     """``|B(u, u')|`` of `direction_ratio` at ranges (n,) [m], for directions u (n, m) and u' (n, l): (n, l, m).
 
-    `sent` holds the directions u of leaving, `heard` those u' of arriving. `only` chooses the transmitters (n, tx) and
-    receivers (n, rx) that are used for each point.
+    `sent` holds the directions u of leaving, `received` those u' of arriving. `only` chooses the transmitters (n, tx)
+    and receivers (n, rx) that are used for each point.
 
     Raises
     ------
@@ -350,7 +350,7 @@ def _bistatic(
         plan = view.to_points(range_, u)
         return np.concatenate([plan, np.full((*plan.shape[:-1], 1), height)], axis=-1)
 
-    level = np.empty((range_.size, heard.shape[1], sent.shape[1]))
+    level = np.empty((range_.size, received.shape[1], sent.shape[1]))
     near_first = np.argsort(range_, kind="stable")  # neighbours in range share a window
     at_once = max(CHUNK // sent.shape[1], 1)
 
@@ -381,10 +381,10 @@ def _bistatic(
         # A group is taken at its middle frequency.
         turns = (np.array([k[0] + 0.5 * (size - 1) * dk, size * dk]) / (2.0 * np.pi)).astype(np.float32)
         for point, beams in zip(part, of_points, strict=True):
-            beyond, directions = range_[point], heard[point]
+            beyond, directions = range_[point], received[point]
             at = (places(np.full(directions.size, beyond), directions) - radar).astype(np.float32)
             split = np.ascontiguousarray(np.stack([beams.real, beams.imag], axis=2))
-            _hear(at, receivers, np.float32(beyond), turns, split, level[point])
+            _receive(at, receivers, np.float32(beyond), turns, split, level[point])
 
     with one_thread():
         for_each(focus_points, range(0, range_.size, at_once))

@@ -24,7 +24,7 @@ from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.sweep import antenna_positions
-from mirrorfold.tree.explaining.directions import heard_by
+from mirrorfold.tree.explaining.directions import amplitude_at
 from mirrorfold.tree.explaining.edges import BEHIND_CELLS
 from mirrorfold.tree.ordering import Order
 
@@ -140,7 +140,7 @@ def _told(
     if new.size:
         looks = [side[half[new]] <= 0.0 for side in (tx, rx)]
         into, past = (
-            heard_by(sweep, view, range_[new], u[new], *sides) for sides in (looks, [~side for side in looks])
+            amplitude_at(sweep, view, range_[new], u[new], *sides) for sides in (looks, [~side for side in looks])
         )
         tiny = np.finfo(float).tiny
         known |= {where[i]: level for i, level in zip(new, 20.0 * np.log10((into + tiny) / (past + tiny)), strict=True)}

@@ -21,9 +21,16 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Fold, Mirror
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining.behind_walls import as_far_as_hidden, last_leg, met_by
+from mirrorfold.tree.explaining.behind_walls import last_leg, met_by, prolonged_where_hidden
 from mirrorfold.tree.grouping import object_numbers
-from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST, UNDECIDED, Pass, Window, taken_out
+from mirrorfold.tree.half_transparent.transparent import (
+    BY_GEOMETRY,
+    FEWEST,
+    UNDECIDED,
+    Pass,
+    TransparentWall,
+    taken_out,
+)
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 GUESS = 0.8
@@ -50,8 +57,8 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
     """
     if any(node.line is not None and node.line.curved for node in found.tree.walk()):
         return found
-    folds, ways = found.tree.folds(), as_far_as_hidden(found)
-    windows = []
+    folds, ways = found.tree.folds(), prolonged_where_hidden(found)
+    transparent_walls = []
     for node in found.tree.mirrors:
         if node.line is None or not len(node.objects):
             continue
@@ -61,8 +68,10 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
             seen = node.objects.take(through)
             place = seen.position
             tested = node.objects.position
-            windows.append(Window(node.line, None, seen, place, passed[through], tested, passed, BY_GEOMETRY))
-    return taken_out(found, windows, view, every, full_pass)
+            transparent_walls.append(
+                TransparentWall(node.line, None, seen, place, passed[through], tested, passed, BY_GEOMETRY)
+            )
+    return taken_out(found, transparent_walls, view, every, full_pass)
 
 
 def passage(

@@ -62,7 +62,7 @@ BY_POLARIZATION, BY_GEOMETRY = "polarization", "geometry"
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class TransparentWall:
     """A half-transparent wall, and the echoes behind it.
 
     Attributes
@@ -118,28 +118,32 @@ def find_transparent(
         All echoes of the view.
     full_pass : callable
     """
-    windows = []
+    transparent_walls = []
     for index, chain in enumerate(found.sight.chain):
         if len(chain) != 1 or (mirror := found.tree.mirrors[chain[0]].line) is None or mirror.curved:
             continue
-        window = look_through(found, view, images, index, mirror)
-        if window is not None:
-            windows.append(window)
-    return taken_out(found, windows, view, every, full_pass)
+        wall = look_through(found, view, images, index, mirror)
+        if wall is not None:
+            transparent_walls.append(wall)
+    return taken_out(found, transparent_walls, view, every, full_pass)
 
 
-def taken_out(found: Found, windows: Sequence[Window], view: View, every: Echoes, full_pass: Pass) -> Found:
-    """Steps 2 to 4 once more without the echoes that passed through `windows`; unchanged if there are none."""
-    if not windows:
+def taken_out(
+    found: Found, transparent_walls: Sequence[TransparentWall], view: View, every: Echoes, full_pass: Pass
+) -> Found:
+    """Steps 2 to 4 once more without the echoes that passed through these walls; unchanged if there are none."""
+    if not transparent_walls:
         return found
-    gone = np.isin(_key(every), np.concatenate([_key(window.echoes) for window in windows]))
+    gone = np.isin(_key(every), np.concatenate([_key(wall.echoes) for wall in transparent_walls]))
     result = full_pass(echoes=every.take(~gone)) if gone.any() else found
-    return result._replace(windows=tuple(_first_objects(_with_new_mirror(window, result), view) for window in windows))
+    return result._replace(
+        transparent_walls=tuple(_first_objects(_with_new_mirror(wall, result), view) for wall in transparent_walls)
+    )
 
 
 def look_through(
     found: Found, view: View, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
-) -> Window | None:
+) -> TransparentWall | None:
     """Sort the echoes behind a mirror; None if nothing indicates that the mirror is transparent.
 
     If a metal mirror would explain the echoes as well, they may be reflected or passed: all of them are then taken for
@@ -179,7 +183,7 @@ def look_through(
         passed[behind_it], through = UNDECIDED, through | behind_it
     seen = echoes.take(through)
     place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
-    return Window(
+    return TransparentWall(
         mirror, pane if known else None, seen, place, passed[through], echoes.position, passed, BY_POLARIZATION
     )
 
@@ -262,22 +266,22 @@ def _key(echoes: Echoes) -> Array:
     return np.asarray(echoes.direction + 1j * echoes.range)
 
 
-def _with_new_mirror(window: Window, found: Found) -> Window:
-    """The window with its mirror as it was found anew: the nearest one in line of sight, if it is at the same place."""
-    old = window.mirror
+def _with_new_mirror(wall: TransparentWall, found: Found) -> TransparentWall:
+    """The wall with its mirror as it was found anew: the nearest one in line of sight, if it is at the same place."""
+    old = wall.mirror
     lines = [node.line for node in found.tree.mirrors if node.line is not None and not node.line.curved]
     near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(SAME_WAY_DEG))]
     if not near:
-        return window
+        return wall
     best = min(near, key=lambda line: abs(float(line.beside(old.center))))
     cell = float(found.sight.view.cell_at(old.center))
-    return replace(window, mirror=best) if abs(float(best.beside(old.center))) <= SAME_LINE * cell else window
+    return replace(wall, mirror=best) if abs(float(best.beside(old.center))) <= SAME_LINE * cell else wall
 
 
-def _first_objects(window: Window, view: View) -> Window:
-    """The window with only the first object along each line of sight through the wall."""
-    echoes = window.echoes
+def _first_objects(wall: TransparentWall, view: View) -> TransparentWall:
+    """The wall with only the first object along each line of sight through the wall."""
+    echoes = wall.echoes
     if not len(echoes):
-        return window
+        return wall
     clear: Mask = Cover.of(echoes, view).clear(echoes.range, echoes.direction, echoes.amplitude)
-    return replace(window, echoes=echoes.take(clear), place=window.place[clear], probability=window.probability[clear])
+    return replace(wall, echoes=echoes.take(clear), place=wall.place[clear], probability=wall.probability[clear])

@@ -12,7 +12,13 @@ from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
-from mirrorfold.tree.explaining.behind_walls import BEHIND, as_far_as_hidden, behind_rows, behind_walls, flat_objects
+from mirrorfold.tree.explaining.behind_walls import (
+    BEHIND,
+    behind_rows,
+    behind_walls,
+    flat_objects,
+    prolonged_where_hidden,
+)
 from mirrorfold.tree.explaining.late_edges import late_edges
 from mirrorfold.tree.explaining.misplaced import LATE
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
@@ -20,7 +26,7 @@ from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 
-def without_doubted(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
+def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
     These would stand behind known walls or objects, went to and fro between an object and a wall, come from beyond the
@@ -33,7 +39,7 @@ def without_doubted(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Fo
     bent : sequence of Mirror
         Curved rows of echoes that were not proved to be mirrors.
     """
-    ways, longer = found.tree.ways(), as_far_as_hidden(found) | flat_objects(found)
+    ways, longer = found.tree.ways(), prolonged_where_hidden(found) | flat_objects(found)
     turned_back = to_and_fro(found, view)
     causes = (
         (LATE, lambda node: late_edges(node.objects, ways, view)),
