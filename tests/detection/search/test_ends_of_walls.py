@@ -12,7 +12,7 @@ from synthetic import RANGE_CELL, WAVELENGTH, diffuse, empty_view, envelope, rad
 from mirrorfold.detection import find_mirrors
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.search.fit import bowed, broken
+from mirrorfold.detection.search.fit import parabola_residual, split_in_two
 from mirrorfold.detection.search.growing import lies_on
 from mirrorfold.detection.search.lines import NO_BOW, _Lines
 
@@ -86,8 +86,8 @@ def test_two_lines_fit_a_bow_no_better_than_a_bow():
     along, weight = np.sort(random.uniform(0.0, 1.0, 200)), random.uniform(0.5, 2.0, 200)
     noise = 1e-3 * random.standard_normal(200)
     bow, kink = 0.02 * along**2 + noise, 0.03 * np.maximum(along - 0.8, 0.0) + noise
-    assert broken(along, bow, weight)[1] > NO_BOW * bowed(along, bow, weight)
-    assert broken(along, kink, weight)[1] < NO_BOW * bowed(along, kink, weight)
+    assert split_in_two(along, bow, weight)[1] > NO_BOW * parabola_residual(along, bow, weight)
+    assert split_in_two(along, kink, weight)[1] < NO_BOW * parabola_residual(along, kink, weight)
 
 
 def test_a_row_of_side_lobes_on_a_wall_is_the_wall():
@@ -103,11 +103,11 @@ def test_two_lines_are_told_from_one():
     random = np.random.default_rng(0)
     along, noise = np.linspace(0.0, 1.0, 80), 1e-3 * random.standard_normal(80)
     weight = np.ones(80)
-    assert broken(along, noise, weight)[1] > 0.8
-    place, left = broken(along, noise + np.where(along > 0.7, 0.01, 0.0), weight)
+    assert split_in_two(along, noise, weight)[1] > 0.8
+    place, left = split_in_two(along, noise + np.where(along > 0.7, 0.01, 0.0), weight)
     assert place == pytest.approx(0.7, abs=0.03)
     assert left < 0.2
-    assert broken(along[:3], noise[:3], weight[:3]) == (along[2], 1.0)
+    assert split_in_two(along[:3], noise[:3], weight[:3]) == (along[2], 1.0)
 
 
 def lengths(seed, inside):

@@ -22,7 +22,13 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import on_rows
-from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, centres, left_of_kink, trusted
+from mirrorfold.detection.search.fit import (
+    FEWEST_BLOCKS,
+    block_covariance,
+    kink_residual,
+    power_centroids,
+    robust_weights,
+)
 from mirrorfold.detection.search.growing import CLIP, drawn
 from mirrorfold.detection.search.joined import joined
 from mirrorfold.detection.search.lines import LOBE
@@ -60,7 +66,7 @@ BULGE_CELLS = 0.3
 SIGNIFICANT = 5.0
 """Least curvature, in its standard errors."""
 
-LEFT_OF_KINK = 0.8
+KINK_RESIDUAL = 0.8
 """Largest sum of squared residuals of the centroids of power about an arc, relative to that about a straight line with
 one kink: two flat walls that touch in the image are no curved one. It was 0.6 at most for arcs of random scenes, and
 1.1 for two walls of a full-wave scene."""
@@ -101,15 +107,15 @@ def find_arcs(view: ImageView, echoes: Echoes) -> list[ArcMirror]:
 def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
     """The circle that fits points (n, 2) best, by weighted least squares from a first circle on.
 
-    Cauchy weights keep outliers from moving it (see `fit.trusted`). Returns its center, its radius and these weights
-    (n,).
+    Cauchy weights keep outliers from moving it (see `fit.robust_weights`). Returns its center, its radius and these
+    weights (n,).
     """
     trust = weight
     for _ in range(2 * ROUNDS):
         offset = points - middle
         away = np.linalg.norm(offset, axis=1)
         beside = away - radius
-        _, trust = trusted(beside, weight, np.finfo(float).eps * radius)
+        _, trust = robust_weights(beside, weight, np.finfo(float).eps * radius)
         design = np.column_stack([offset / away[:, None], np.ones(len(points))])
         root = np.sqrt(trust)
         step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
@@ -322,7 +328,7 @@ class _Arcs:
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
             return None
-        if np.sum(trust * arc.beside(points) ** 2) > LEFT_OF_KINK * left_of_kink(*_by_chord(arc, points), trust):
+        if np.sum(trust * arc.beside(points) ** 2) > KINK_RESIDUAL * kink_residual(*_by_chord(arc, points), trust):
             return None
         on_it = self.echoes.take(arc.own(self.view, self.echoes))
         if not len(on_it):
@@ -332,7 +338,7 @@ class _Arcs:
 
     def _centres(self, arc: ArcMirror) -> tuple[Array, Array] | None:
         """Centroids of power across an arc (n, 2), and their weights (n,); None where there are too few."""
-        points, weight = centres(arc, self.view, *LOBE)
+        points, weight = power_centroids(arc, self.view, *LOBE)
         return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
 
     def _part_on_row(self, circle: ArcMirror, ends: Array) -> ArcMirror:

@@ -90,12 +90,12 @@ def robust(points: Array, weight: Array, independent: float) -> Fit:
     for _ in range(ROUNDS):
         normal, center = flat(points, trust)
         beside = (points - center) @ normal
-        deviation, trust = trusted(beside, weight, np.finfo(float).tiny)
+        deviation, trust = robust_weights(beside, weight, np.finfo(float).tiny)
     tangents = np.linalg.svd(normal[None])[2][1:]
     return Fit(normal, center, deviation, *_errors((points - center) @ tangents.T, beside, trust, independent))
 
 
-def trusted(beside: Array, weight: Array, least: float) -> tuple[float, Array]:
+def robust_weights(beside: Array, weight: Array, least: float) -> tuple[float, Array]:
     """Robust standard deviation [m] of distances `beside` (n,) from a fit, and Cauchy weights for the next fit, (n,).
 
     The deviation follows from the median of the absolute distances; `least` [m] keeps that of a perfect fit above zero.
@@ -130,7 +130,7 @@ def block_covariance(design: Array, beside: Array, trust: Array, along: Array, i
     return np.asarray(bread @ score.T @ score @ bread * len(score) / max(len(score) - design.shape[1], 1))
 
 
-def left_of_kink(along: Array, beside: Array, weight: Array) -> float:
+def kink_residual(along: Array, beside: Array, weight: Array) -> float:
     """Weighted sum of squared residuals [m^2] of points about the best line with one kink, as of two walls that touch.
 
     `along` and `beside` (n,) [m] are the positions of the points along a row and their distances from it. The kink is
@@ -148,11 +148,11 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
     """The mirror, moved to the line or plane through the centroids of power across it, with its standard errors.
 
     Also the robust standard deviation [m] of the centroids from it; infinite where there is no fit. `reach`, `lobe` and
-    `clip` are those of `centres`.
+    `clip` are those of `power_centroids`.
     """
     deviation = np.inf
     for _ in range(ROUNDS):
-        points, weight = centres(mirror, view, reach, lobe, clip)
+        points, weight = power_centroids(mirror, view, reach, lobe, clip)
         if len(points) < FEWEST_PLACES:
             return mirror, np.inf
         fit = robust(points, weight, mirror.independent(view))
@@ -163,7 +163,7 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
     return mirror, deviation
 
 
-def centres(mirror: Mirror, view: View, reach: float, lobe: float, clip: float) -> tuple[Array, Array]:
+def power_centroids(mirror: Mirror, view: View, reach: float, lobe: float, clip: float) -> tuple[Array, Array]:
     """Centroids of power across a mirror, (n, d) [m], and their weights, (n,).
 
     The profiles reach over `reach` widths of the resolution cell to either side of the mirror. Of each profile, samples
@@ -186,7 +186,7 @@ def centres(mirror: Mirror, view: View, reach: float, lobe: float, clip: float) 
     return np.asarray(base[bright] + centroid[:, None] * beyond[bright]), weight
 
 
-def broken(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
+def split_in_two(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
     """Split a row of points into the two that are best fitted by two straight lines, which need not touch.
 
     `along` and `beside` (n,) [m] are the positions of the points along the row and their distances from it. Returns the
@@ -208,7 +208,7 @@ def broken(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
     return float(place), float(residual[least] / max(float(_line_residual(before[-1])), np.finfo(float).tiny))
 
 
-def bowed(along: Array, beside: Array, weight: Array) -> float:
+def parabola_residual(along: Array, beside: Array, weight: Array) -> float:
     """Weighted sum of squared residuals of points about the best parabola, relative to that about the best line.
 
     `along` and `beside` (n,) [m] are the positions of the points along the row and their distances from it.

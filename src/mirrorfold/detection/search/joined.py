@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.search.fit import block_covariance, trusted
+from mirrorfold.detection.search.fit import block_covariance, robust_weights
 from mirrorfold.detection.views.image_view import ImageView
 
 SIGNIFICANT = 4.0
@@ -47,7 +47,7 @@ def joined(halves: Halves, measured: tuple[Measured, Measured], view: ImageView)
     scale = np.array([1.0, 1.0, *(1.0 / np.array([halves[0].length, *(arc.length**2 for arc in halves)]))])
     points, weight = (np.concatenate(parts) for parts in zip(*measured, strict=True))
     apart = np.concatenate([arc.beside(places) for arc, (places, _) in zip(halves, measured, strict=True)])
-    deviation, trust = trusted(apart, weight, float(np.finfo(float).eps) * halves[0].radius)
+    deviation, trust = robust_weights(apart, weight, float(np.finfo(float).eps) * halves[0].radius)
     root = np.sqrt(weight / weight.max()) / (2.0 * deviation)
     curve = least_squares(lambda curve: root * beside(curve, points), first, x_scale=scale, loss="cauchy").x
     if np.cos(curve[2] - first[2]) < 0.0:  # the same curve in the opposite direction

@@ -16,7 +16,14 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.search.fit import FEWEST_PLACES, bowed, broken, centres, flat, refined
+from mirrorfold.detection.search.fit import (
+    FEWEST_PLACES,
+    flat,
+    parabola_residual,
+    power_centroids,
+    refined,
+    split_in_two,
+)
 from mirrorfold.detection.search.fronts import find_front
 from mirrorfold.detection.search.growing import NEAR, Search
 from mirrorfold.detection.search.rows import heaviest_row
@@ -56,9 +63,9 @@ ON_LINE, BEFORE_LINE = 0.75, (1.0, 2.5)
 across the line: both are 1.5 cells wide."""
 
 LOBE = 0.75, 0.5, 4.0
-"""Arguments `reach`, `lobe` and `clip` of `centres` for lines: half-length of the profiles across the mirror, in
-resolution cells across it; least amplitude of their main lobe relative to the peak, as in the definition of the cell;
-and largest weight, in multiples of the median power."""
+"""Arguments `reach`, `lobe` and `clip` of `power_centroids` for lines: half-length of the profiles across the mirror,
+in resolution cells across it; least amplitude of their main lobe relative to the peak, as in the definition of the
+cell; and largest weight, in multiples of the median power."""
 
 DEEP = 0.1
 """Least depth, in range cells, of a fitted line behind the face of its wall, from which on speckle inside the wall may
@@ -144,9 +151,9 @@ class _Lines(Search[LineMirror]):
             points = self.echoes.position[member]
             along, beside = mirror.along(points), mirror.beside(points)
             weight = self.weight[member] / self.square(mirror.normal, member)
-            place, left = broken(along, beside, weight)
+            place, left = split_in_two(along, beside, weight)
             longer = (along <= place) == (place >= 0.5 * mirror.length)
-            if left > NO_BOW * bowed(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
+            if left > NO_BOW * parabola_residual(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
                 return None
             mirror, member = self.patch(*flat(points[longer], weight[longer]), member[longer])
             if mirror.length < self.shortest(mirror):
@@ -237,14 +244,15 @@ class _Lines(Search[LineMirror]):
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The mirror; or its longer part, where the row is two: a wall, and an object at its end almost in line."""
-        points, weight = centres(mirror, self.view, *LOBE[:2], clip=1.0)  # bright places say no more than others
+        # Clipped at one, the weights of bright places are no larger than those of others.
+        points, weight = power_centroids(mirror, self.view, *LOBE[:2], clip=1.0)
         along, beside = mirror.along(points), mirror.beside(points)
         # The last cell at either end may also show the neighbouring wall, as in the corner of a room.
         first, last = self.view.extent(mirror.ends, mirror.direction)
         inside = (along >= first) & (along <= mirror.length - last)
         if np.count_nonzero(inside) < FEWEST_PLACES:
             return mirror
-        place, left = broken(along[inside], beside[inside], weight[inside])
+        place, left = split_in_two(along[inside], beside[inside], weight[inside])
         likelier = -inside.mean() * mirror.independent(self.view) * np.log(max(left, np.finfo(float).tiny))
         if likelier < BREAK or (self._in_sight(mirror) and likelier < BREAK * _spread(mirror, self.view) / LOBE_SPREAD):
             return mirror

@@ -39,8 +39,8 @@ DEPTH_CHANGE = 0.15
 meet the wall more and more askew: so scattering from inside turns the plane."""
 
 PROFILE = 1.7, 0.01, 0.01
-"""Arguments `reach`, `lobe` and `clip` of `centres` for planes. Unlike `LOBE` of lines, the profiles hold the whole
-footprint and all that scatters inside. All places have the same weight, because the centroids of bright ones lie
+"""Arguments `reach`, `lobe` and `clip` of `power_centroids` for planes. Unlike `LOBE` of lines, the profiles hold the
+whole footprint and all that scatters inside. All places have the same weight, because the centroids of bright ones lie
 deeper."""
 
 

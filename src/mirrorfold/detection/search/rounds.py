@@ -20,7 +20,7 @@ from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.arcs import BULGE_CELLS, LARGEST_CELLS, REACH_CELLS, SIGNIFICANT, SMALLEST_CELLS
-from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, trusted
+from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, robust_weights
 from mirrorfold.detection.search.growing import CLIP, NEAR, drawn
 from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet
 from mirrorfold.detection.views.view import DEVIATION
@@ -75,9 +75,9 @@ def find_rounds(view: VolumeView, echoes: Echoes) -> list[RoundMirror]:
 def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurface, Array, Array]:
     """The surface of the same kind that fits points (n, 3) best, by weighted least squares from a first surface on.
 
-    The fit makes Gauss-Newton steps, with Cauchy weights against outliers (see `fit.trusted`). Returns also these
-    weights (n,), and the derivatives (n, p) of the distances by the fitted parameters: the middle, in the plane across
-    the axis, the radius, and for a cylinder the tilt of its axis along both directions of that plane.
+    The fit makes Gauss-Newton steps, with Cauchy weights against outliers (see `fit.robust_weights`). Returns also
+    these weights (n,), and the derivatives (n, p) of the distances by the fitted parameters: the middle, in the plane
+    across the axis, the radius, and for a cylinder the tilt of its axis along both directions of that plane.
     """
     trust, design = weight, np.empty((len(points), 0))
     cylinder = bool(shape.axis.any())
@@ -86,7 +86,7 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
     for _ in range(FITS):
         base = shape.base
         normal, beside = shape.outward(points), shape.beside(points)
-        _, trust = trusted(beside, weight, 1e-9 * shape.radius)
+        _, trust = robust_weights(beside, weight, 1e-9 * shape.radius)
         flat = normal @ base.T
         design = np.column_stack([flat, np.ones(len(points))])
         if cylinder:

@@ -31,7 +31,7 @@ BAND_SHARE, FREQUENCIES = 0.42, 15
 the taper leaves little of the band."""
 
 
-def offsets(image: xr.DataArray) -> Array:
+def wavenumbers(image: xr.DataArray) -> Array:
     """Wavenumbers [rad/m] at which spectra are computed, one way, (m,)."""
     low, high = float(image.attrs["frequency_start"]), float(image.attrs["frequency_stop"])
     speed = float(image.attrs.get("wave_speed", speed_of_light))
@@ -43,15 +43,15 @@ def independent(view: View, image: xr.DataArray) -> float:
     """Number of independent values in a spectrum: its span over ``pi / (GATE_CELLS range_cell)`` [rad/m], the width of
     the spectrum of the window that cuts out an echo.
     """
-    return float(np.ptp(offsets(image)) / np.pi * GATE_CELLS * view.range_cell)
+    return float(np.ptp(wavenumbers(image)) / np.pi * GATE_CELLS * view.range_cell)
 
 
 def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = False) -> NDArray[np.complex128]:
-    """Spectra of the echoes that a complex image or volume holds at points (n, d) [m], at the `offsets`, (n, m).
+    """Spectra of the echoes that a complex image or volume holds at points (n, d) [m], at the `wavenumbers`, (n, m).
 
     A `whole` echo is cut out by a window with a flat top, which leaves the shape of its spectrum as it is.
     """
-    wavenumber = offsets(image)
+    wavenumber = wavenumbers(image)
     middle = wavenumber[wavenumber.size // 2]
     half = (WHOLE_CELLS if whole else GATE_CELLS) * view.range_cell
     depth, values = view.held_along(image, points, half, view.range_cell / SAMPLES_PER_CELL, float(middle))
@@ -61,7 +61,7 @@ def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = Fal
 
 
 def tapers(image: xr.DataArray) -> Array:
-    """Weights of the window over frequency with which the image was focused, at the `offsets`, (m,)."""
+    """Weights of the window over frequency with which the image was focused, at the `wavenumbers`, (m,)."""
     kind = image.attrs.get("taper", "hann")
     points = np.size(kind) if not isinstance(kind, str) else int(image.attrs["frequency_points"])
     weight = np.abs(window(kind, points, "taper"))

@@ -22,7 +22,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.spectra import independent, offsets, spectra, tapers
+from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
@@ -209,7 +209,7 @@ def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mir
         te=te,
         tm=tm,
         angle=incidence(view, echoes.position, mirror),
-        wavenumber=offsets(images["TE"]),
+        wavenumber=wavenumbers(images["TE"]),
         noise=(echoes.noise / (NOISE_LIMIT * echoes.amplitude)) ** 2,
         independent=independent(view, images["TE"]),
         cell=view.range_cell,
