@@ -53,8 +53,8 @@ def cells(view, *places):
     return view.to_points(RANGE_CELL * range_, U_CELL * u)
 
 
-def found_of(view, direct, behind=(), face=(), elsewhere=(), amplitude=1.0, mirror=WALL):
-    parts = [echoes_at(view, np.reshape(part, (-1, 2)), amplitude) for part in (direct, behind, face, elsewhere)]
+def found_of(view, direct, behind=(), face=(), explained=(), amplitude=1.0, mirror=WALL):
+    parts = [echoes_at(view, np.reshape(part, (-1, 2)), amplitude) for part in (direct, behind, face, explained)]
     node = MirrorTree(mirror, parts[2], parts[1], (), (0,))
     tree = MirrorTree(None, parts[0].take([]), parts[0], (node,) if mirror is not None else (), ())
     return Found(parts[0], tree, LinesOfSight.unfolded(view), parts[3], np.full(len(parts[3]), "comes from afar"))
@@ -222,11 +222,11 @@ def test_a_mirror_leads_astray_by_twice_its_offset(view):
 
 
 def test_echoes_from_elsewhere_stand_where_they_are_seen_with_the_reason(view):
-    found = found_of(view, cells(view, (40, 0)), elsewhere=cells(view, (70, 0), (72, 0)), mirror=None)
+    found = found_of(view, cells(view, (40, 0)), explained=cells(view, (70, 0), (72, 0)), mirror=None)
     points = judged(fold_back(found.tree), found)
     assert len(points.position) == 3
-    assert_allclose(points.position[1:], found.elsewhere.position)
-    assert_allclose(points.initial[1:], found.elsewhere.position)
+    assert_allclose(points.position[1:], found.explained.position)
+    assert_allclose(points.initial[1:], found.explained.position)
     assert points.explanation.tolist() == ["", *["comes from afar"] * 2]
     assert_allclose(points.confidence[1:], EXPLAINED)
     assert_array_equal(points.bounces, 0)

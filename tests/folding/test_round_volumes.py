@@ -16,7 +16,7 @@ from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.detection import find_echoes, see
 from mirrorfold.detection.mirrors.mirror import WayFold
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
-from mirrorfold.detection.search.rounds import find_rounds, fitted
+from mirrorfold.detection.search.round_sheets import find_round_sheets, fitted
 
 pytestmark = pytest.mark.slow
 
@@ -146,7 +146,7 @@ def test_a_plane_is_no_round_sheet():
     view = see(volume_of(world_of(panel("board", (0.0, 2.0, 0.0), (-0.5, -1.0, 0.0)))))
     echoes = find_echoes(view)
     assert len(echoes) > 500
-    assert not find_rounds(view, echoes)
+    assert not find_round_sheets(view, echoes)
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "ball"])

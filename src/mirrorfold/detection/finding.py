@@ -25,7 +25,7 @@ from mirrorfold.detection.mirrors.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mi
 from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.search import lines, planes
 from mirrorfold.detection.search.arcs import find_arcs
-from mirrorfold.detection.search.rounds import find_rounds
+from mirrorfold.detection.search.round_sheets import find_round_sheets
 from mirrorfold.detection.views.image_view import ImageView, to_image_view
 from mirrorfold.detection.views.view import View
 from mirrorfold.detection.views.volume_view import to_volume_view
@@ -134,7 +134,7 @@ def remembering() -> Finder:
             return find_mirrors(view, echoes, known=known, **options)
         asked = sha256(repr(sorted(options.items())).encode())
         if isinstance(view, ImageView):
-            asked.update(view.elsewhere.tobytes())
+            asked.update(view.misplaced.tobytes())
         for field in fields(echoes):
             asked.update(np.asarray(getattr(echoes, field.name)).tobytes())
         if (key := asked.digest()) not in answers:
@@ -150,7 +150,7 @@ def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]
     `own` (n,) is the number of the mirror by way of which each echo is seen, -1 in line of sight. Echoes with different
     numbers are searched separately; those with numbers below -1 are left out.
     """
-    find: Callable[..., Sequence[Mirror]] = find_arcs if view.dimensions == 2 else find_rounds
+    find: Callable[..., Sequence[Mirror]] = find_arcs if view.dimensions == 2 else find_round_sheets
     with one_thread():
         return [row for way in np.unique(own[own >= -1]) for row in find(view, echoes.take(own == way))]
 

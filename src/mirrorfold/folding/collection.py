@@ -101,7 +101,7 @@ def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSet
         wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
         why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"
         return f"no mirror was found: {why}; the scene is shown unfolded"
-    own = found.elsewhere.take(found.explanation == ITSELF)
+    own = found.explained.take(found.explanation == ITSELF)
     through = found.sight.seen_through(own.range, own.direction)
     said = [
         f"the radar sees itself in mirror {chain_name(found.sight.chain[index])}, "

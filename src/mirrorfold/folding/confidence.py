@@ -197,7 +197,7 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
             on_it, mirror = points.mirror == chain_name(chain), way[-1]
             normal = mirror.facing(points.initial[on_it])[1]
             flat = np.eye(dimensions) - np.einsum("ni,nj->nij", normal, normal)
-            variance[on_it] = flat @ variance[on_it] @ flat + mirror.strays(points.initial[on_it])
+            variance[on_it] = flat @ variance[on_it] @ flat + mirror.displacement_covariance(points.initial[on_it])
     for chain, way in ways.items():
         seen = points.chain == chain_name(chain)
         turn = turns(folds[chain], points.initial[seen])
@@ -209,7 +209,7 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
 
 def _with_ghosts(points: Points, found: Found) -> Points:
     """The points; appended, the echoes that do not come from where the image shows them, unfolded."""
-    echoes = found.elsewhere
+    echoes = found.explained
     error = np.full_like(echoes.position, np.nan)
     ghosts = Points.of(echoes, echoes.position, confidence=EXPLAINED, error=error, explanation=found.explanation)
     return joined(points, ghosts)

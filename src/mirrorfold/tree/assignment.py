@@ -27,13 +27,13 @@ class Found(NamedTuple):
     Attributes
     ----------
     echoes : Echoes
-        Echoes from which the mirrors and their order were found. Of `elsewhere`, they hold only the echoes that were
+        Echoes from which the mirrors and their order were found. Of `explained`, they hold only the echoes that were
         left out after that.
     tree : MirrorTree
         The root of the tree of mirrors.
     sight : LinesOfSight
         Lines of sight, with the chain of each mirror.
-    elsewhere : Echoes
+    explained : Echoes
         Echoes that were left out, because no object stands where the image shows them.
     explanation : (n,) array of str
         Why each of them was left out.
@@ -45,7 +45,7 @@ class Found(NamedTuple):
     echoes: Echoes
     tree: MirrorTree
     sight: LinesOfSight
-    elsewhere: Echoes
+    explained: Echoes
     explanation: Names
     transparent_walls: tuple[TransparentWall, ...] = ()
 

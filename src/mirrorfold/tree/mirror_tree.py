@@ -122,7 +122,7 @@ def place_covariance(places: Array, way: Sequence[Mirror]) -> Array:
     covariance, seen = np.zeros((*places.shape, places.shape[1])), places
     for mirror in reversed(way):
         matrix = _reflection_matrices(mirror, seen)
-        covariance = matrix @ covariance @ np.swapaxes(matrix, -1, -2) + 4.0 * mirror.strays(places)
+        covariance = matrix @ covariance @ np.swapaxes(matrix, -1, -2) + 4.0 * mirror.displacement_covariance(places)
         hit, normal = mirror.facing(seen)
         places = places - 2.0 * np.sum((places - hit) * normal, axis=1)[:, None] * normal
     return covariance

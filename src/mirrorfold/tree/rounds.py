@@ -105,7 +105,7 @@ def find_tree(
         walls = None if walls is None else walls[reasons.stays]
         reasons.leave_out()
         if searched and isinstance(view, ImageView):
-            view = view.knowing(reasons.elsewhere(NEAREST_LENGTHS * view.glint))
+            view = view.with_misplaced(reasons.misplaced(NEAREST_LENGTHS * view.glint))
     # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
     if rescattered.any():
         reasons.note(rescattered, SCATTERED)
@@ -166,7 +166,7 @@ class _Reasons:
         self._blurs[blurs] = True
         return bool(blurs.size)
 
-    def elsewhere(self, nearest: float) -> Array:
+    def misplaced(self, nearest: float) -> Array:
         """Places in the image of echoes that came back by another way than they went, (m, d) [m].
 
         Echoes nearer than `nearest` [m] are not among them, for there the test by directions is not reliable.

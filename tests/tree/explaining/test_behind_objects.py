@@ -112,7 +112,7 @@ def test_it_is_left_out_with_the_reason_once_the_tree_is_found():
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings, known=np.array([MIRROR]))
     doubted = without_explained(found, view)
-    gone = doubted.elsewhere.position[doubted.explanation == BEHIND_AN_OBJECT]
+    gone = doubted.explained.position[doubted.explanation == BEHIND_AN_OBJECT]
     kept = np.concatenate([one.objects.position for one in doubted.tree.walk()])
     for place, leaves in zip(in_mirror([behind, above]), (True, False), strict=True):
         near = [np.any(np.linalg.norm(some - place, axis=-1) < 0.5 * RANGE_CELL) for some in (gone, kept)]

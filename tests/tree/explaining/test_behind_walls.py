@@ -110,7 +110,7 @@ def test_they_are_left_out_with_a_reason(found):
 
     assert shown(before.tree) == [True, True, True]
     assert shown(after.tree) == [True, False, True]
-    assert len(after.elsewhere) == len(after.explanation) > len(before.elsewhere)
+    assert len(after.explained) == len(after.explanation) > len(before.explained)
     assert set(after.explanation[len(before.explanation) :].tolist()) == {BEHIND}
 
 

@@ -121,4 +121,4 @@ def test_it_is_left_out_with_a_reason():
 
     assert shown(before.tree)
     assert not shown(after.tree)
-    assert near(after.elsewhere.position[after.explanation == LATE])
+    assert near(after.explained.position[after.explanation == LATE])

@@ -44,7 +44,7 @@ def explained(*objects, walls=(MIRROR, WALL)):
     echoes = find_ridges(view)
     settings = FoldSettings(opaque=False).completed(**usual_settings(view, echoes))
     found = without_explained(find_tree(view, echoes, settings, known=np.array(walls)), view)
-    gone = found.elsewhere.position[found.explanation == TO_AND_FRO]
+    gone = found.explained.position[found.explanation == TO_AND_FRO]
     kept = np.concatenate([node.objects.position for node in found.tree.walk()])
     told = []
     for place in places:

@@ -234,7 +234,7 @@ class ArcMirror(Mirror):
         parts = sorted((self.part(first, last) for first, last in pairwise(cuts)), key=lambda part: -part.length)
         return [parts[0]], [part for part in parts[1:] if part.length > 0.0]
 
-    def strays(self, places: Array) -> Array:
+    def displacement_covariance(self, places: Array) -> Array:
         """Covariance (n, d, d) [m^2] of places (n, d), each fixed to the tangent that its line of sight meets, from the
         standard errors of the arc.
         """

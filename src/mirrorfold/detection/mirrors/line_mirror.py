@@ -116,7 +116,7 @@ class LineMirror(Mirror):
             left_out *= min(1.0, 0.5 * self.length / left_out.sum())
         count = max(8, int(self.length / (SPACING * view.range_cell)))
         row = self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
-        clear = ~view.blurred(row)
+        clear = ~view.near_misplaced(row)
         return row[clear] if np.mean(clear) > CLEAR_SHARE else row
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]

@@ -154,7 +154,7 @@ class Mirror(ABC):
         """The map from where the image shows what is seen in the mirror to where it stands."""
         return Isometry.reflection(self.center, self.normal)
 
-    def strays(self, places: Array) -> Array:
+    def displacement_covariance(self, places: Array) -> Array:
         """Covariance (n, d, d) [m^2] of places (n, d) fixed to the mirror, from the standard errors of its fit.
 
         These places move and turn with the mirror; images in the mirror move by twice as much. A given mirror, whose

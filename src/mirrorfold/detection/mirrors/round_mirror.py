@@ -138,7 +138,7 @@ class RoundMirror(BeamMirror):
         beams = beams & np.isfinite(range_)
         return replace(self, beams=beams, outline=view.points(range_[beams], np.flatnonzero(beams)))
 
-    def strays(self, places: Array) -> Array:
+    def displacement_covariance(self, places: Array) -> Array:
         """Covariance (n, 3, 3) [m^2] of places (n, 3), each fixed to the tangent plane that its line of sight meets,
         from the standard errors of the surface.
         """

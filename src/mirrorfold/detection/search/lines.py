@@ -41,11 +41,11 @@ GLINT, GLINT_CELLS = 0.9, 4.0
 where that is at least `GLINT_CELLS` resolution cells. Other glints are shorter: at the distance r, that of a bulging
 wall of radius R has ``R / (R + r)`` of the length, that of a point is one cell long."""
 
-DARK_CELLS, SHINES, BESIDE_CELLS = 1.25, 10.0 ** (8.0 / 10.0), 4.0
-"""A row of a wall ends at a gap of more than `DARK_CELLS` resolution cells, if beyond it the power is `SHINES` times
-(8 dB) that of the wall. Both are means over `BESIDE_CELLS` cells beside the gap: a wall fades slowly, and the mean of
-four speckles strays by 2 dB. Of 595 rough walls 8 lost an end so. A wall that faces the radar may be as bright itself,
-and is not cut there."""
+DARK_CELLS, GLINT_RATIO, BESIDE_CELLS = 1.25, 10.0 ** (8.0 / 10.0), 4.0
+"""A row of a wall ends at a gap of more than `DARK_CELLS` resolution cells, if beyond it the power is `GLINT_RATIO`
+times (8 dB) that of the wall. Both are means over `BESIDE_CELLS` cells beside the gap: a wall fades slowly, and the
+mean of four speckles strays by 2 dB. Of 595 rough walls 8 lost an end so. A wall that faces the radar may be as bright
+itself, and is not cut there."""
 
 SMALLEST_FILL = 0.55
 """Least share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
@@ -216,7 +216,7 @@ class _Lines(Search[LineMirror]):
             late = bool(place[i] > 0.5 * mirror.length)
             wall, beyond = sides if late else sides[::-1]
             seen = np.sort(own.direction[beyond | (np.arange(place.size) == i + (not late))])
-            if power[beyond].mean() < SHINES * power[wall].mean() or not clear[seen[0] : seen[-1] + 1].all():
+            if power[beyond].mean() < GLINT_RATIO * power[wall].mean() or not clear[seen[0] : seen[-1] + 1].all():
                 continue
             if late and not place[i] - glint < foot < mirror.length + glint:
                 last = min(last, float(place[i]))

@@ -43,7 +43,7 @@ OPAQUE_CELLS = 2.5
 """Depth of an object in range cells: what lies farther behind its first echo is multiple scattering."""
 
 BLURRED_CELLS = 1.25, 0.5
-"""Half-size of the area around an echo from elsewhere, in range cells and in cells across, in which it moves the
+"""Half-size of the area around a misplaced echo, in range cells and in cells across, in which it moves the
 centroids of power of a wall: a profile reaches over 0.75 cells, and the echo over half a cell, in its own beam."""
 
 LARGEST_SINE = 0.985
@@ -76,8 +76,8 @@ class ImageView(View):
         that lie beyond it.
     noisy : bool
         Whether the noise can be estimated from the image, see `noise_level`.
-    elsewhere : (m, 2) array [m]
-        Where the image shows echoes from elsewhere: the sweep tells that most of their energy came back by another path
+    misplaced : (m, 2) array [m]
+        Where the image shows misplaced echoes: the sweep tells that most of their energy came back by another path
         than it went out.
     radar, range, range_cell, normalization, wavelength
         See `View`.
@@ -98,28 +98,28 @@ class ImageView(View):
     wavelength: float = np.inf
     ambiguous: float = np.inf
     noisy: bool = True
-    elsewhere: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    misplaced: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
-    def knowing(self, elsewhere: Array) -> ImageView:
-        """The same view with the positions `elsewhere` (m, 2) [m]; all else that is computed already is kept."""
-        view = replace(self, elsewhere=elsewhere)
-        kept = vars(self).keys() - vars(view).keys() - {"_elsewhere_in_cells"}
+    def with_misplaced(self, misplaced: Array) -> ImageView:
+        """The same view with `misplaced` echoes at these places (m, 2) [m]; all else that was computed is kept."""
+        view = replace(self, misplaced=misplaced)
+        kept = vars(self).keys() - vars(view).keys() - {"_misplaced_in_cells"}
         view.__dict__.update({name: vars(self)[name] for name in kept})
         return view
 
-    def blurred(self, points: Array) -> Mask:
-        """Which places (n, 2) [m] lie so close to an echo from elsewhere that it moves centroids of power, (n,)."""
+    def near_misplaced(self, points: Array) -> Mask:
+        """Which places (n, 2) [m] lie so close to a misplaced echo that it moves centroids of power, (n,)."""
         found = np.zeros(len(points), dtype=bool)
-        if len(self.elsewhere):
+        if len(self.misplaced):
             places = self.in_cells(points) / BLURRED_CELLS
             seen = np.isfinite(places).all(axis=1)  # not behind the radar
-            found[seen] = self._elsewhere_in_cells.query(places[seen], p=np.inf)[0] <= 1.0
+            found[seen] = self._misplaced_in_cells.query(places[seen], p=np.inf)[0] <= 1.0
         return found
 
     @cached_property
-    def _elsewhere_in_cells(self) -> cKDTree:
-        """Search tree of the places `elsewhere`, in units of `BLURRED_CELLS`."""
-        return cKDTree(self.in_cells(self.elsewhere) / BLURRED_CELLS)
+    def _misplaced_in_cells(self) -> cKDTree:
+        """Search tree of the `misplaced` echoes, in units of `BLURRED_CELLS`."""
+        return cKDTree(self.in_cells(self.misplaced) / BLURRED_CELLS)
 
     @property
     def axes(self) -> tuple[Array, ...]:
@@ -217,7 +217,7 @@ class ImageView(View):
         columns = np.where(np.isnan(columns), -10.0, columns)
         return np.maximum(map_coordinates(self._power, [rows, columns], order=3, prefilter=False), 0.0)
 
-    def held_along(
+    def complex_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
         """Interpolated between pixels by cubic splines."""

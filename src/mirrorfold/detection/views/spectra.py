@@ -54,7 +54,7 @@ def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = Fal
     wavenumber = wavenumbers(image)
     middle = wavenumber[wavenumber.size // 2]
     half = (WHOLE_CELLS if whole else GATE_CELLS) * view.range_cell
-    depth, values = view.held_along(image, points, half, view.range_cell / SAMPLES_PER_CELL, float(middle))
+    depth, values = view.complex_along(image, points, half, view.range_cell / SAMPLES_PER_CELL, float(middle))
     beyond = np.clip(2.0 * np.abs(depth) / half - 1.0, 0.0, 1.0) if whole else np.abs(depth) / half
     turn = np.exp(-2j * np.outer(depth, wavenumber - middle))
     return np.asarray((values * np.cos(0.5 * np.pi * beyond) ** 2) @ turn)

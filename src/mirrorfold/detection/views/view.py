@@ -105,7 +105,7 @@ class View(ABC):
         """Number of directions to either side, at ranges [m], over which a beam still shows an object."""
 
     @abstractmethod
-    def held_along(
+    def complex_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
         """Values of the complex image on the lines of sight through points (n, d), up to `half` [m] to either side.

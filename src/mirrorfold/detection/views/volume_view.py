@@ -142,7 +142,7 @@ class VolumeView(View):
             power[some] = np.where((share >= 0.0) & (share <= 1.0), value**2 - 2.0 * self.noise**2, 0.0)
         return power
 
-    def held_along(
+    def complex_along(
         self, image: xr.DataArray, points: Array, half: float, step: float, wavenumber: float
     ) -> tuple[Array, Complex]:
         """The samples of the beam nearest to each point, usually half a range resolution apart."""

@@ -68,6 +68,6 @@ def _without(found: Found, reasons: Mapping[Chain, Names]) -> Found:
 
     gone = [(node.objects.take(doubt != ""), doubt[doubt != ""]) for node in found.tree.walk()
             for doubt in [reasons[node.chain]]]  # fmt: skip
-    elsewhere = found.elsewhere.joined(*(echoes for echoes, _ in gone))
+    explained = found.explained.joined(*(echoes for echoes, _ in gone))
     explanation = np.concatenate([found.explanation, *(doubt for _, doubt in gone)])
-    return found._replace(tree=kept(found.tree), elsewhere=elsewhere, explanation=explanation)
+    return found._replace(tree=kept(found.tree), explained=explained, explanation=explanation)

@@ -67,9 +67,9 @@ FEWEST, MISSES, MOST, ROUNDS, FITS = 30, 6, 8, 4, 6
 that are found; rounds of growth; and steps of each fit."""
 
 
-def find_rounds(view: VolumeView, echoes: Echoes) -> list[RoundMirror]:
+def find_round_sheets(view: VolumeView, echoes: Echoes) -> list[RoundMirror]:
     """Cylinders and spheres among visible echoes that are all seen by way of the same mirrors, most votes first."""
-    return _Rounds(echoes.take(echoes.visible), view).find()
+    return _SheetSearch(echoes.take(echoes.visible), view).find()
 
 
 def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurface, Array, Array]:
@@ -103,7 +103,7 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
 
 
 @dataclass
-class _Rounds:
+class _SheetSearch:
     """The search for round sheets among echoes that are all seen by way of the same mirrors."""
 
     echoes: Echoes
