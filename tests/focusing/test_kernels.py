@@ -50,7 +50,7 @@ def test_unfold_spectrum(run):
 
 def test_lay_out(run):
     profile, table = noise((3, 4, 5)), np.empty((3, 12, 4), np.complex64)
-    run(range_tables.lay_out, profile, table)
+    run(range_tables.interleave_coefficients, profile, table)
     np.testing.assert_array_equal(table, np.moveaxis(profile, 1, 2)[:, np.arange(12) % 5])
 
 

@@ -42,7 +42,7 @@ def test_spread_is_interpolate_transposed(run, rng, taps, apart, planar):
     run(line_kernels.interpolate, *where, polar, *kernels, pixels)
     image, back = noise((rows, 5), 1), np.zeros((45, 40), np.complex64)
     image[0, 2] = 0.0  # as most pixels of a sparse image
-    run(transposed_kernels.spread, *where, image, *kernels, back)
+    run(transposed_kernels.interpolate_transposed, *where, image, *kernels, back)
     inside = np.zeros((rows, 5))
     inside[:, 1:4] = 1.0
     assert_transposed(image * inside, pixels, back, polar)
@@ -52,7 +52,7 @@ def test_share_out_is_combine_transposed(run):
     profile, value, polar = noise((7, 3, 5)), noise((3, 10, 5), 1), np.empty((3, 10), np.complex64)
     run(line_kernels.combine, profile, value, 4, polar)
     y, back = noise((3, 10), 2), np.zeros((7, 3, 5), np.complex64)
-    run(transposed_kernels.share_out, y, value, 4, back)
+    run(transposed_kernels.combine_transposed, y, value, 4, back)
     assert_transposed(y, polar, back, profile)
 
 
@@ -61,7 +61,7 @@ def test_unstretch_is_stretch_transposed(run, rng):
     cell = rng.integers(0, 9, (2, 5)).astype(np.int32)
     run(line_kernels.stretcher(4), spectrum, cell, weight, beams)
     y, back = single(rng, 2, 5, 6), np.zeros((2, 9, 6), np.float32)
-    run(transposed_kernels.unstretch, y, cell, weight, back)
+    run(transposed_kernels.stretch_transposed, y, cell, weight, back)
     assert_transposed(y, beams, back, spectrum)
 
 
@@ -71,7 +71,7 @@ def test_hand_back_is_gather_transposed(run, folded):
     out = np.empty(12, np.complex64)
     run(line_kernels.gather, data, pair, partner, folded, first, out)
     y, back = noise((12,), 1), np.zeros((3, 8), np.complex64)
-    run(transposed_kernels.hand_back, y, pair, partner, folded, first, back)
+    run(transposed_kernels.gather_transposed, y, pair, partner, folded, first, back)
     assert_transposed(y, out, back, data)
 
 
@@ -82,7 +82,7 @@ def test_expand_is_collapse_transposed(run, rng):
     run(line_kernels.collapse, gathered, factor, first, frequencies, out)
     y, back = single(rng, 3, frequencies, 10), np.zeros(24, np.float32)
     y[1] = 0.0  # a block without pairs
-    run(transposed_kernels.expand, y, factor, first, frequencies, back)
+    run(transposed_kernels.collapse_transposed, y, factor, first, frequencies, back)
     assert_transposed(y, out, back, gathered)
 
 

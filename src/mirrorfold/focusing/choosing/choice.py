@@ -22,10 +22,10 @@ from mirrorfold.focusing.problem import Problem, UnsuitedError
 FEWEST_PAIR_PIXELS = 1e8
 """Pairs times pixels below which no fast algorithm is laid out: the exact kernel takes half a second of one core."""
 
-PLENTY = 0.15
+NO_OTHER_BELOW = 0.15
 """If a fast algorithm takes less than this share of the exact kernel's time, no other one is laid out."""
 
-ADVANTAGE = 0.7
+LARGEST_TIME_SHARE = 0.7
 """A fast algorithm, its plan included, is taken only below this share of the exact kernel's time."""
 
 EXACT_SHARE = 0.5
@@ -81,7 +81,7 @@ def options(problem: Problem, tolerance: float, frames: int = 1) -> list[Option]
     frames : int
         Number of images that will be made.
     """
-    return [option for option, why in _weighed(problem, tolerance, frames, PLENTY) if not why]
+    return [option for option, why in _weighed(problem, tolerance, frames, NO_OTHER_BELOW) if not why]
 
 
 def lay_out(fast: type[FastPlan], problem: Problem, tolerance: float) -> Option:
@@ -98,9 +98,11 @@ def lay_out(fast: type[FastPlan], problem: Problem, tolerance: float) -> Option:
 
 def pays(option: Option, exact: Option, frames: int) -> bool:
     """Whether a fast algorithm costs clearly less than the exact kernel, both in elapsed time and in processor time."""
-    return option.cost.seconds(frames) < ADVANTAGE * exact.cost.seconds(frames) and option.cost.processor_seconds(
-        frames
-    ) < ADVANTAGE * exact.cost.processor_seconds(frames)
+    whole, processor = exact.cost.seconds(frames), exact.cost.processor_seconds(frames)
+    return (
+        option.cost.seconds(frames) < LARGEST_TIME_SHARE * whole
+        and option.cost.processor_seconds(frames) < LARGEST_TIME_SHARE * processor
+    )
 
 
 def _weighed(problem: Problem, tolerance: float, frames: int, plenty: float = 0.0) -> list[tuple[Option, str]]:

@@ -22,7 +22,13 @@ from numpy.typing import NDArray
 from mirrorfold.common.threads import counted, for_each
 from mirrorfold.common.types import Progress
 from mirrorfold.focusing.exact.kernels import sum_transmitters, tile_tables
-from mirrorfold.focusing.exact.range_tables import TERMS, lay_out, spectral_weights, table_cells, unfold_spectrum
+from mirrorfold.focusing.exact.range_tables import (
+    TERMS,
+    interleave_coefficients,
+    spectral_weights,
+    table_cells,
+    unfold_spectrum,
+)
 from mirrorfold.focusing.problem import Problem
 
 Tables = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
@@ -128,7 +134,7 @@ def focus_exact(
                 rows = table[start[n] : start[n + 1]]
             spectrum = np.empty((data.shape[1], TERMS, cells), dtype=np.complex64)
             unfold_spectrum(np.ascontiguousarray(data), weight, spectrum)
-            lay_out(scipy.fft.ifft(spectrum, axis=-1, norm="forward", overwrite_x=True), rows)
+            interleave_coefficients(scipy.fft.ifft(spectrum, axis=-1, norm="forward", overwrite_x=True), rows)
 
         def image_tile(
             tile: tuple[slice, slice, slice],

@@ -86,7 +86,7 @@ def unfold_spectrum(data, weight, spectrum):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def lay_out(profile, table):  # type: ignore[no-untyped-def]
+def interleave_coefficients(profile, table):  # type: ignore[no-untyped-def]
     """table[k, n, q] = profile[k, q, n mod N]: the coefficients of a cell side by side; the first cells repeat."""
     elements, terms, cells = profile.shape
     for k in range(elements):

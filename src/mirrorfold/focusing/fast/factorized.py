@@ -29,7 +29,7 @@ from mirrorfold.focusing.problem import Problem, UnsuitedError
 Planar = NDArray[np.float32]
 """Real and imaginary parts, (2, z, y, x)."""
 
-HOPE = 1.2
+DIVISION_SLACK = 1.2
 """A block is not divided if its two halves, each undivided, would take more than this times as long as the block."""
 
 FINEST_PART = 1e-3
@@ -48,10 +48,10 @@ SPREAD_ANGLES = 5
 BAND_MARGIN = 1.1
 """Factor by which bands are widened: between these pixels the band may be wider than at them."""
 
-FACTORING = 15.0
+FACTORIZATION_SLOWDOWN = 15.0
 """Time of a multiplication in a matrix factorisation over that in a matrix product."""
 
-SCATTERED = 1.5
+SCATTERED_SLOWDOWN = 1.5
 """Time of the exact sum on scattered samples over that on adjacent pixels, which find their tables in the cache."""
 
 SHARE_EXACT = 0.5
@@ -146,7 +146,7 @@ class Slab:
         used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
         work = sum(self.axes[n].work(step) for n, step in used)
         memory = sum(4.0 * self.axes[n].count(step) * self.axes[n].position.size for n, step in used)
-        building = FACTORING * work * self._speed.multiply + len(used) * CALL
+        building = FACTORIZATION_SLOWDOWN * work * self._speed.multiply + len(used) * CALL
         self.cost = Cost(building, self.whole.cost + last, memory + 16 * problem.pixels)
 
     def prepare(self) -> None:
@@ -164,7 +164,7 @@ class Slab:
         same = not problem.monostatic and self._coincident and np.array_equal(tx, rx)
         antennas = tx.size if problem.monostatic or same else tx.size + rx.size
         pairs = tx.size if problem.monostatic else tx.size * rx.size * (0.5 if same else 1.0)
-        return replace(block, cost=SCATTERED * exact_seconds(self._cells, pairs, antennas, block.size))
+        return replace(block, cost=SCATTERED_SLOWDOWN * exact_seconds(self._cells, pairs, antennas, block.size))
 
     def _divided(self, block: Block) -> Block:
         """The block as it is or, if that takes less time, divided into two parts, which may be divided in turn."""
@@ -174,7 +174,7 @@ class Slab:
         parts = tuple(self._undivided(*part) for part in _halves(self.problem, block.tx, block.rx))
         merge = block.size * self._speed.turn + CALL
         both = sum(merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
-        if both + sum(part.cost for part in parts) > HOPE * block.cost:
+        if both + sum(part.cost for part in parts) > DIVISION_SLACK * block.cost:
             return block
         parts = tuple(self._divided(part) for part in parts)
         cost = both + sum(part.cost for part in parts)

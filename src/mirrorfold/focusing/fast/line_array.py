@@ -72,19 +72,19 @@ class Layout:
     cost: Cost
 
 
-Rival = Callable[[Problem, float, float, int | None], Cost]
+CostFunction = Callable[[Problem, float, float, int | None], Cost]
 """Cost of another algorithm, from the problem, the number of pixels, the tolerance, and the number of frequencies that
 a range gate leaves (None without one)."""
 
 
-def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, frames: int = 1) -> Layout:
+def lay_out(problem: Problem, tolerance: float, remaining_cost: CostFunction | None = None, frames: int = 1) -> Layout:
     """The cheapest division of a problem into antennas and sectors, in some hundredths of a second.
 
     Parameters
     ----------
     problem : Problem
     tolerance : float
-    rival : callable, optional
+    remaining_cost : callable, optional
         Cost of the algorithm for the remaining pixels, by default the exact kernel; a sector that would cost more is
         left to this algorithm.
     frames : int, default 1
@@ -95,7 +95,7 @@ def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, fram
     UnsuitedError
         If no sector is faster than the exact kernel.
     """
-    rival = rival or exact_cost
+    remaining_cost = remaining_cost or exact_cost
     if problem.pairs * BYTES_A_PAIR > MEMORY_SHARE * available_memory():
         raise UnsuitedError("the tables of so many pairs do not fit into memory")
     every = np.arange(len(problem.tx)), np.arange(len(problem.rx))
@@ -106,7 +106,9 @@ def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, fram
     layouts, reason = [], ""
     for division in divisions:
         try:
-            parts, costs = zip(*(_part(problem, tx, rx, tolerance, rival, frames) for tx, rx in division), strict=True)
+            parts, costs = zip(
+                *(_part(problem, tx, rx, tolerance, remaining_cost, frames) for tx, rx in division), strict=True
+            )
             layouts.append(Layout(parts, sum(costs, Cost())))
         except UnsuitedError as error:
             reason = str(error)
@@ -115,8 +117,10 @@ def lay_out(problem: Problem, tolerance: float, rival: Rival | None = None, fram
     return min(layouts, key=lambda layout: layout.cost.processor_seconds(frames))
 
 
-def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival, frames: int) -> tuple[Part, Cost]:
-    """Some antennas with the sectors that are faster than the rival, and the cost of all their pixels."""
+def _part(
+    problem: Problem, tx: Index, rx: Index, tolerance: float, remaining_cost: CostFunction, frames: int
+) -> tuple[Part, Cost]:
+    """Some antennas with the sectors that cost less than the algorithm for the remaining pixels, and the cost of all."""
     if max(tx.size, rx.size) < 3:
         raise UnsuitedError("two antennas make no line")
     problem = problem.of(tx, rx)
@@ -135,8 +139,8 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival
             design = SectorDesign(problem, lattice, spans[n], tolerance)
             nodes = count_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance)
             cost = sector_cost(problem, lattice, design, nodes, pixels[n])
-            rival_cost = rival(problem, pixels[n], tolerance, None)
-            if cost.processor_seconds(frames) > rival_cost.processor_seconds(frames):
+            other_cost = remaining_cost(problem, pixels[n], tolerance, None)
+            if cost.processor_seconds(frames) > other_cost.processor_seconds(frames):
                 raise UnsuitedError(f"{nodes} nodes are so many that the exact kernel is as fast")
             total, fast = total + cost, [*fast, n]
         except UnsuitedError as error:
@@ -147,7 +151,7 @@ def _part(problem: Problem, tx: Index, rx: Index, tolerance: float, rival: Rival
         label[~np.isin(label, fast)] = 0
         z, y, x = _box(label.reshape(coarse.shape) == 0) or (slice(None),) * 3
         box = coarse.on(coarse.x[x], coarse.y[y], coarse.z[z])
-        total = total + rival(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
+        total = total + remaining_cost(problem, near, tolerance, gated_frequencies(box, FILTER_SHARE * tolerance))
     return Part(problem, tx, rx, lattice, tuple(fast)), total
 
 

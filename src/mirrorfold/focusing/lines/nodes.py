@@ -132,7 +132,7 @@ def remainder(problem: Problem, lattice: Lattice, pairs: NDArray[np.int64], r: A
     return np.asarray(total)
 
 
-def spreads(problem: Problem, lattice: Lattice, sector: Sector, curvature: float) -> tuple[float, float]:
+def largest_slopes(problem: Problem, lattice: Lattice, sector: Sector, curvature: float) -> tuple[float, float]:
     """Largest slopes of ``E - curvature (1 - u^2) / r`` along r [m/m] and along w [m], over random pairs.
 
     Multiplied by the wavenumber, they widen the image's spectrum, so that the polar grid must be sampled more finely.
@@ -290,7 +290,7 @@ def find_nodes(
     sector : Sector
     tolerance : float
     slopes : pair of float
-        Largest slopes of E without its curvature along r [m/m] and w [m], from `spreads`.
+        Largest slopes of E without its curvature along r [m/m] and w [m], from `largest_slopes`.
 
     Raises
     ------

@@ -64,7 +64,7 @@ class LineArraySector:
         k = problem.k
         middle = k.size // 2
         self.middle = middle
-        # Pixels and polar grid: arguments of `interpolate` and `spread`.
+        # Pixels and polar grid: arguments of `interpolate` and its transpose.
         self.pixels = (
             *(problem.x, problem.y, problem.z, lattice.centre, lattice.frame, lattice.foci, lattice.planar),
             *(design.per_range, design.row_first, design.per_direction, design.line_first),

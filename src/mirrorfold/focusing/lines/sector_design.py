@@ -14,7 +14,7 @@ import scipy.fft
 from mirrorfold.common.types import Array
 from mirrorfold.focusing.lines.interpolation import taper_kernel, triangular_kernel
 from mirrorfold.focusing.lines.lattice import Lattice
-from mirrorfold.focusing.lines.nodes import Sector, spreads
+from mirrorfold.focusing.lines.nodes import Sector, largest_slopes
 from mirrorfold.focusing.problem import Problem
 
 STRETCH_OVERSAMPLING = 2.0
@@ -54,7 +54,7 @@ class SectorDesign:
     sector : Sector
         Ranges and directions that the polar grid covers, its guards included.
     slopes : pair of float
-        Largest slopes of E without the curvature term, along r [m/m] and w [m], from `spreads`.
+        Largest slopes of E without the curvature term, along r [m/m] and w [m], from `largest_slopes`.
     """
 
     def __init__(self, problem: Problem, lattice: Lattice, sector: Sector, tolerance: float) -> None:
@@ -64,7 +64,7 @@ class SectorDesign:
         # The taps of the kernels reach beyond the sector, so that the slopes there count, too.
         near = (1.0 - NEAREST_GUARD) * sector.near
         reach = Sector(near, sector.far, sector.w_low - DIRECTION_GUARD, sector.w_high + DIRECTION_GUARD)
-        self.slopes = slope_r, slope_w = spreads(problem, lattice, reach, self.curvature)
+        self.slopes = slope_r, slope_w = largest_slopes(problem, lattice, reach, self.curvature)
         width_w = 2.0 * float(k[-1]) * lattice.half_length + float(k[-1]) * slope_w
         width_r = float(k[-1] - k[0]) + float(k[-1]) * slope_r
         self.stretch_kernel = _pick(

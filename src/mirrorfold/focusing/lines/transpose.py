@@ -41,7 +41,7 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
 
     def from_pixels(part: tuple[int, tuple[int, int]]) -> None:
         number, (start, stop) = part
-        kernels.spread(sector.runs[start:stop], *sector.pixels, image, *sector.taps, grids[number])
+        kernels.interpolate_transposed(sector.runs[start:stop], *sector.pixels, image, *sector.taps, grids[number])
 
     for_each(from_pixels, enumerate(pairwise(edges)))
     polar = grids.sum(axis=0)
@@ -49,7 +49,7 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
     def from_ranges(first: int) -> None:
         part = slice(first, min(first + LINES_A_BLOCK, lines))
         profile = np.zeros((design.range_cells, part.stop - part.start, nodes), dtype=np.complex64)
-        kernels.share_out(polar[part], sector.value[part], design.row_first, profile)
+        kernels.combine_transposed(polar[part], sector.value[part], design.row_first, profile)
         profile = scipy.fft.fft(profile, axis=0, overwrite_x=True)
         beams[middle:, part] = profile[: frequencies - middle]
         beams[:middle, part] = profile[design.range_cells - middle :]
@@ -62,15 +62,15 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
         some = slice(first, min(first + sector.block, frequencies))
         count = some.stop - some.start
         spectrum = np.zeros((count, design.cells, nodes), dtype=np.complex64)
-        kernels.unstretch(beams[some], sector.cell[some], sector.weight[some], spectrum)
+        kernels.stretch_transposed(beams[some], sector.cell[some], sector.weight[some], spectrum)
         spectrum = scipy.fft.ifft(spectrum, axis=1, norm="forward", overwrite_x=True)
         columns = np.ascontiguousarray(spectrum[:, at_point]).view(np.float32)
         summed = np.empty((lattice.points, count, 2 * nodes), dtype=np.float32)
         for a in range(0, lattice.points, most):
             np.matmul(columns[:, a : a + most], back[some], out=summed[a : a + most].swapaxes(0, 1))
         gathered = np.empty(count * lattice.tx.size, dtype=np.complex64)
-        kernels.expand(summed, sector.factor, lattice.first, count, gathered.view(np.float32))
-        kernels.hand_back(gathered, sector.pair, sector.partner, lattice.folded, lattice.first, data[some])
+        kernels.collapse_transposed(summed, sector.factor, lattice.first, count, gathered.view(np.float32))
+        kernels.gather_transposed(gathered, sector.pair, sector.partner, lattice.folded, lattice.first, data[some])
 
     for_each(from_ranges, range(0, lines, LINES_A_BLOCK))
     for_each(from_directions, range(0, frequencies, sector.block))

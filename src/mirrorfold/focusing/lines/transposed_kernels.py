@@ -10,7 +10,7 @@ from mirrorfold.focusing.lines.kernels import RUN, locate
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
-def spread(  # type: ignore[no-untyped-def]
+def interpolate_transposed(  # type: ignore[no-untyped-def]
     runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
     curvature, image, range_coefficients, direction_coefficients, polar,
 ):  # fmt: skip
@@ -51,7 +51,7 @@ def spread(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
-def share_out(polar, value, row_first, profile):  # type: ignore[no-untyped-def]
+def combine_transposed(polar, value, row_first, profile):  # type: ignore[no-untyped-def]
     """profile[(row_first + j) mod N, l, q] += conj(value[l, j, q]) polar[l, j]: transposes `combine`."""
     cells, _, nodes = profile.shape
     for line in range(polar.shape[0]):
@@ -63,7 +63,7 @@ def share_out(polar, value, row_first, profile):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
-def unstretch(beams, cell, weight, spectrum):  # type: ignore[no-untyped-def]
+def stretch_transposed(beams, cell, weight, spectrum):  # type: ignore[no-untyped-def]
     """spectrum[m, (cell[m, l] + a) mod N, :] += sum_a weight[m, l, a] beams[m, l, :]: transposes `stretcher`."""
     frequencies, cells, columns = spectrum.shape
     for m in range(frequencies):
@@ -78,7 +78,7 @@ def unstretch(beams, cell, weight, spectrum):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def hand_back(gathered, pair, partner, folded, first, data):  # type: ignore[no-untyped-def]
+def gather_transposed(gathered, pair, partner, folded, first, data):  # type: ignore[no-untyped-def]
     """data[m, pair] += gathered, and data[m, partner] too if folded: transposes `gather`."""
     frequencies = data.shape[0]
     for m in range(frequencies):
@@ -93,7 +93,7 @@ def hand_back(gathered, pair, partner, folded, first, data):  # type: ignore[no-
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy")
-def expand(summed, factor, first, frequencies, out):  # type: ignore[no-untyped-def]
+def collapse_transposed(summed, factor, first, frequencies, out):  # type: ignore[no-untyped-def]
     """out[p, m] = sum over the columns c of summed[n, m, c] factor[p, c], as real matrices: transposes `collapse`."""
     for n in range(first.size - 1):
         start, stop = 2 * first[n], 2 * first[n + 1]

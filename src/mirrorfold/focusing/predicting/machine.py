@@ -35,7 +35,7 @@ sum_transmitters: Any = exact_kernels.sum_transmitters
 turn: Any = phasor.turn
 interpolate: Any = line_kernels.interpolate
 unfold_spectrum: Any = range_tables.unfold_spectrum
-lay_out: Any = range_tables.lay_out
+interleave_coefficients: Any = range_tables.interleave_coefficients
 
 REPEATS = 3
 """Number of times that each loop is timed. The fastest counts: other programs can only slow a loop down."""
@@ -214,7 +214,7 @@ def _profiles() -> float:
 
     def compress() -> None:
         unfold_spectrum(data, weight, spectrum)
-        lay_out(scipy.fft.ifft(spectrum, axis=-1, norm="forward"), table)
+        interleave_coefficients(scipy.fft.ifft(spectrum, axis=-1, norm="forward"), table)
 
     return _seconds(compress, table.size)
 
