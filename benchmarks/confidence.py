@@ -33,11 +33,11 @@ from mirrorfold.folding.confidence import (
     WEIGHTS,
     WEIGHTS_MEASURED,
     errors,
-    evidence,
-    judged,
-    kinds,
-    measured,
+    features,
     over_faces,
+    weight_rows,
+    with_confidence,
+    with_confocal_shares,
 )
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
 from mirrorfold.scoring import floor_plans
@@ -48,10 +48,10 @@ BINS = 10
 
 
 class Points(NamedTuple):
-    """Points of one engine: their evidence (n, 6), kinds, mirrors on the way, confidence, and whether they are true."""
+    """Points of one engine: their features (n, 6), kinds, mirrors on the way, confidence, and whether they are true."""
 
     engine: str
-    evidence: Array
+    features: Array
     kind: Array
     bounces: Array
     confidence: Array
@@ -67,15 +67,15 @@ def points_of(task: Task) -> Points:
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
     told = measured_by_sweep(sweep)(view)
     found = find_tree(view, echoes, settings, measured=told)
-    points = measured(fold_back(found.tree), told.share)
+    points = with_confocal_shares(fold_back(found.tree), told.share)
     count = len(points.position)
-    confidence = judged(points, found).confidence[:count]
+    confidence = with_confidence(points, found).confidence[:count]
     _, astray = errors(points, found.tree, view)
     cell = view.cell(np.linalg.norm(points.initial - view.radar, axis=1))
     distance = floor_plans.truth(scene).distances(points.position)[0] if count else np.zeros(0)
     given = (
-        evidence(points, view, astray, over_faces(points, found.tree)),
-        kinds(points),
+        features(points, view, astray, over_faces(points, found.tree)),
+        weight_rows(points),
         points.bounces,
         confidence,
         distance <= TRUE_CELLS * cell,
@@ -84,7 +84,7 @@ def points_of(task: Task) -> Points:
 
 
 def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
-    """The weights of so much of the evidence that make the truth most likely, by kind; engines weigh alike."""
+    """The weights of so many of the features that make the truth most likely, by kind; engines weigh alike."""
     engines = sorted({points.engine for points in sets})
 
     def loss(weights: Array, parts: list[tuple[Array, Array]], spread: Array) -> float:
@@ -95,7 +95,7 @@ def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
     for kind, name in enumerate(WEIGHTS):
         parts = []
         for engine in engines:
-            chosen = [(p.evidence[p.kind == kind], p.true[p.kind == kind]) for p in sets if p.engine == engine]
+            chosen = [(p.features[p.kind == kind], p.true[p.kind == kind]) for p in sets if p.engine == engine]
             evidence_, true = map(np.concatenate, zip(*chosen, strict=True))
             if true.size:
                 parts.append((np.nan_to_num(evidence_[:, :columns]), true))
@@ -121,7 +121,7 @@ def table(sets: list[Points], name: str, weights: dict[str, list[float]] | None 
         kind, bounces, confidence, true = (np.concatenate([points[i] for points in own]) for i in (2, 3, 4, 5))
         if weights is not None:
             rows = np.array(list(weights.values()))[kind]
-            given_ = np.concatenate([points.evidence for points in own])[:, : rows.shape[1]]
+            given_ = np.concatenate([points.features for points in own])[:, : rows.shape[1]]
             confidence = expit(np.sum(np.nan_to_num(given_) * rows, axis=1))
         for count in np.unique(bounces):
             p, t = confidence[bounces == count], true[bounces == count]

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.common.arguments import listed, number, one_of, path_of, truth, whole_number
+from mirrorfold.common.arguments import boolean, listed, number, one_of, path_of, whole_number
 from mirrorfold.plotting import volumes
 
 BASE = {"band": (76e9, 81e9), "points": 101, "aperture": 0.08, "pitch": 1e-3, "range": 3.0}
@@ -120,7 +120,7 @@ def test_the_part_of_a_picture_that_is_shown(image):
         (lambda: number("a", True), "a is True, expected a finite number"),
         (lambda: number("a", 10**400), "a is .*, expected a finite number"),
         (lambda: whole_number("a", 1.5), "a is 1.5, expected a whole number of at least 0"),
-        (lambda: truth("a", 2), "a is 2, expected True or False"),
+        (lambda: boolean("a", 2), "a is 2, expected True or False"),
         (lambda: one_of("a", np.ones(3), ("b", "c")), "a is an array .*, expected one of b, c"),
         (lambda: path_of("a", 5), "a: got the number 5, expected the path of a file"),
         (lambda: listed("a", {}), "a: got a dict, expected one, or a list of them"),
@@ -133,4 +133,4 @@ def test_shared_checks(check, words):
 
 def test_whole_numbers_and_truth_of_every_type():
     assert whole_number("a", np.int64(3)) == whole_number("a", 3.0) == 3
-    assert truth("a", np.True_) is truth("a", 1) is True
+    assert boolean("a", np.True_) is boolean("a", 1) is True

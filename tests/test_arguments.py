@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mirrorfold as mf
-from mirrorfold.common.arguments import described, shown
+from mirrorfold.common.arguments import described, in_message
 from mirrorfold.plotting import volumes
 
 GRID = {"x": np.linspace(-1, 1, 3), "y": np.linspace(0.5, 1, 3)}
@@ -82,9 +82,9 @@ def test_what_is_said_of_a_value(sweep):
     assert described(sweep["s"]) == (
         "an array of shape (41, 9, 9) and type complex64 with the dimensions ('frequency', 'tx', 'rx')"
     )
-    assert shown(np.arange(3)) == "an array of shape (3,) and type int64"
-    assert shown([1.0] * 100) == "a list"
-    assert shown("x") == "'x'"
+    assert in_message(np.arange(3)) == "an array of shape (3,) and type int64"
+    assert in_message([1.0] * 100) == "a list"
+    assert in_message("x") == "'x'"
 
 
 def test_an_image_without_coordinates_is_told_what_it_needs():

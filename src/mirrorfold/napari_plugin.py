@@ -16,7 +16,7 @@ import xarray as xr
 from mirrorfold.common.decibels import COLOURS, decibels
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.gridding import plan_view
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.io import load
 
 Layer = tuple[Any, dict[str, Any], str]
@@ -103,7 +103,7 @@ def _placed(table: xr.Dataset, columns: list[Any]) -> Any:
 
 
 def _points(held: xr.DataTree, pixel: float) -> Layer:
-    objects = shown_points(held)
+    objects = confident_points(held)
     axes = [axis for axis in "zyx" if axis in objects.variables]
     bounces = objects["bounces"].values
     keywords = {

@@ -39,7 +39,7 @@ from mirrorfold.focusing.labels import check_origin
 from mirrorfold.focusing.scans.imaging import amplitude_of_scan, is_gridded
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
-from mirrorfold.folding.confidence import judged
+from mirrorfold.folding.confidence import with_confidence
 from mirrorfold.folding.earlier import initial_image, kept_measurements
 from mirrorfold.folding.frames import each_frame, frame_count
 from mirrorfold.folding.gaps import close_gaps
@@ -274,7 +274,7 @@ class FoldPlan:
         report(2, 3)
         points = fold_back(found.tree, view, found.transparent_walls)
         if not settings.published:
-            points = judged(points, found, measured.share)
+            points = with_confidence(points, found, measured.share)
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
         result = collect(self.image, found, points, settings, grid=grid, given=given_count)

@@ -15,9 +15,9 @@ from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.errors import InputError
 from mirrorfold.folding import fold_back
-from mirrorfold.folding.confidence import errors, judged
+from mirrorfold.folding.confidence import errors, with_confidence
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.folding.shown import shown_points
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.tree.rounds import find_tree
 
@@ -54,8 +54,8 @@ def with_mirror(found, **changes):
 def test_what_was_folded_by_a_mirror_that_is_hardly_known_is_doubted(found):
     points = fold_back(found.tree)
     hidden = points.bounces > 0
-    sure = judged(points, with_mirror(found, angle_error=0.01, offset_error=1e-4)).confidence
-    unsure = judged(points, with_mirror(found, angle_error=4.0, offset_error=1e-4)).confidence
+    sure = with_confidence(points, with_mirror(found, angle_error=0.01, offset_error=1e-4)).confidence
+    unsure = with_confidence(points, with_mirror(found, angle_error=4.0, offset_error=1e-4)).confidence
     assert sure[hidden].mean() > 0.8
     assert unsure[hidden].mean() < 0.2
     assert_allclose(sure[~hidden], unsure[~hidden])
@@ -113,10 +113,10 @@ def test_scores_leave_doubted_points_out_unless_they_are_asked_for(image):
 def test_files_of_earlier_versions_show_all_their_points(image):
     folded = mf.fold(image)
     del folded.attrs["fold_min_confidence"]
-    assert shown_points(folded).sizes == all_points(folded).sizes
+    assert confident_points(folded).sizes == all_points(folded).sizes
 
 
 @pytest.mark.parametrize("least", [-0.1, 1.5, float("nan"), "half"])
 def test_what_is_no_probability_is_refused(image, least):
     with pytest.raises(InputError, match=r"min_confidence is .*at least 0 and up to 1"):
-        shown_points(mf.fold(image), least)
+        confident_points(mf.fold(image), least)

@@ -25,11 +25,11 @@ from mirrorfold.folding.confidence import (
     WEIGHTS,
     WEIGHTS_MEASURED,
     errors,
-    evidence,
-    judged,
-    measured,
+    features,
     mirror_confidence,
     over_faces,
+    with_confidence,
+    with_confocal_shares,
 )
 from mirrorfold.folding.points import fold_back
 from mirrorfold.tree.assignment import Found
@@ -65,7 +65,7 @@ def test_evidence_counts_level_and_filled_cells_of_the_same_kind_nearby(view):
     row = cells(view, (40, 0), (42, 0), (44, 0), (44.1, 0))
     points = fold_back(found_of(view, [*row, *cells(view, (60, LONE))], cells(view, (42, 1))).tree)
     points = replace(points, amplitude=np.array([1.0, 10.0, 0.05, 1.0, 100.0, 1.0]))
-    given = evidence(points, view, np.array([0.0, 1.0, 2.0, 3.0, 4.0, 9.0]), np.linspace(-30.0, 20.0, 6))
+    given = features(points, view, np.array([0.0, 1.0, 2.0, 3.0, 4.0, 9.0]), np.linspace(-30.0, 20.0, 6))
     assert_array_equal(given[:, 0], 1.0)
     assert_allclose(given[:, 1], [20.0, MOST_EXCESS_DB, 0.0, 20.0, MOST_EXCESS_DB, 20.0])
     # From end to end are four cells: those see two, the middle one all three.
@@ -80,17 +80,17 @@ def test_shares_are_averaged_over_cells_in_which_they_are_known(view):
     """The mean of each cell first, so that a cell with many echoes counts no more than others."""
     points = fold_back(found_of(view, cells(view, (40, 0), (40.1, 0), (42, 0), (44, 0), (70, 0)), mirror=None).tree)
     points = replace(points, confocal=np.array([0.9, 0.7, 1.0, np.nan, 0.1]))
-    given = evidence(points, view, np.zeros(5), np.zeros(5))
+    given = features(points, view, np.zeros(5), np.zeros(5))
     assert_allclose(given[:, 4], [0.9, 0.9, 0.9, 1.0, LEAST_SHARE])
     alone = replace(points, confocal=np.array([np.nan, np.nan, np.nan, np.nan, 0.8]))
-    assert_array_equal(np.isnan(evidence(alone, view, np.zeros(5), np.zeros(5))[:, 4]), [True] * 4 + [False])
+    assert_array_equal(np.isnan(features(alone, view, np.zeros(5), np.zeros(5))[:, 4]), [True] * 4 + [False])
 
 
 def test_shares_are_measured_of_objects_alone(view):
     points = fold_back(found_of(view, cells(view, (40, 0)), cells(view, (50, 0)), cells(view, (33, 0))).tree)
     asked = []
     shares = lambda place, amplitude: asked.append((place, amplitude)) or np.array([0.5, 0.6])  # noqa: E731
-    assert_array_equal(measured(points, shares).confocal, [0.5, 0.6, np.nan])
+    assert_array_equal(with_confocal_shares(points, shares).confocal, [0.5, 0.6, np.nan])
     assert_array_equal(asked[0][0], points.initial[:2])
     assert asked[0][1].shape == (2,)
 
@@ -119,11 +119,11 @@ def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
     exact = replace(WALL, angle_error=0.0, offset_error=0.0)
     places = cells(view, (40, 2 * LONE)), cells(view, (50, 0)), cells(view, (33, 0))
     found = found_of(view, *places, mirror=exact)
-    points = judged(fold_back(found.tree), found)
+    points = with_confidence(fold_back(found.tree), found)
     direct, behind, on_it = (expit(weight[0] + 20.0 * weight[1]) for weight in WEIGHTS.values())
     # What is seen in a mirror is no likelier than the mirror.
     assert_allclose(points.confidence, [direct, behind * on_it, on_it])
-    points = judged(fold_back(found.tree), found, lambda place, amplitude: np.array([1.0, 0.0]))
+    points = with_confidence(fold_back(found.tree), found, lambda place, amplitude: np.array([1.0, 0.0]))
     seen, hidden, _ = WEIGHTS_MEASURED.values()
     direct = expit(seen[0] + 20.0 * seen[1] + seen[4])
     behind = expit(hidden[0] + 20.0 * hidden[1] + LEAST_SHARE * hidden[4])
@@ -158,7 +158,7 @@ def test_what_two_mirrors_show_is_no_likelier_than_either(view):
     nodes = [MirrorTree(exact, face if index == 1 else none, one, (deeper,) if index == 1 else (), (index,))
              for index in range(11)]  # fmt: skip
     found = found_of(view, np.empty((0, 2)))._replace(tree=MirrorTree(None, none, none, tuple(nodes), ()))
-    points = judged(fold_back(found.tree), found)
+    points = with_confidence(fold_back(found.tree), found)
     sure = dict(zip(zip(points.chain, points.mirror, strict=True), points.confidence, strict=True))
     _, behind, on_it = (expit(weight[0] + 20.0 * weight[1]) for weight in WEIGHTS.values())
     assert sure["", "1"] == pytest.approx(on_it)
@@ -223,7 +223,7 @@ def test_a_mirror_leads_astray_by_twice_its_offset(view):
 
 def test_echoes_from_elsewhere_stand_where_they_are_seen_with_the_reason(view):
     found = found_of(view, cells(view, (40, 0)), explained=cells(view, (70, 0), (72, 0)), mirror=None)
-    points = judged(fold_back(found.tree), found)
+    points = with_confidence(fold_back(found.tree), found)
     assert len(points.position) == 3
     assert_allclose(points.position[1:], found.explained.position)
     assert_allclose(points.initial[1:], found.explained.position)

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
+from mirrorfold.folding.confident import confident_points, with_confident_points
 from mirrorfold.folding.earlier import initial_image, known_places, known_shares
 from mirrorfold.folding.frames import _joined, each_frame, frame_count, join_frames, pick_frame
-from mirrorfold.folding.shown import confident, shown_points
 from mirrorfold.tree.assignment import ITSELF
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 
@@ -172,12 +172,12 @@ def with_objects(reconstruction, **columns):
 
 def test_points_of_enough_confidence_are_shown(reconstruction):
     result = with_objects(reconstruction, confidence=np.array([0.1, 0.5, 0.6, 0.9, 0.0]))
-    assert shown_points(result).sizes["point"] == 5  # as of files of earlier versions
+    assert confident_points(result).sizes["point"] == 5  # as of files of earlier versions
     result.attrs["fold_min_confidence"] = 0.5
-    assert shown_points(result)["x"].values.tolist() == result["objects"]["x"].values[1:4].tolist()
-    assert shown_points(result, 0.0).sizes["point"] == 5
-    assert shown_points(result, 0.55).sizes["point"] == 2
-    kept = confident(result)
+    assert confident_points(result)["x"].values.tolist() == result["objects"]["x"].values[1:4].tolist()
+    assert confident_points(result, 0.0).sizes["point"] == 5
+    assert confident_points(result, 0.55).sizes["point"] == 2
+    kept = with_confident_points(result)
     assert kept["objects"].sizes["point"] == 3
     assert result["objects"].sizes["point"] == 5
 

@@ -13,8 +13,8 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.cli.schema import check
 from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import frame_count, join_frames
-from mirrorfold.folding.shown import shown_points
 
 X, Y = np.arange(-0.7, 1.7, 0.02), np.arange(0.3, 2.7, 0.02)
 WALL = np.array([[0.9, 0.9], [0.3, 1.9]])
@@ -132,7 +132,7 @@ def test_an_interrupted_command_goes_on_where_it_was(recording, folded, tmp_path
     printed = capsys.readouterr()
     assert "2 frames were done before" in printed.err
     assert len(done) == 1
-    assert sum(check("fold", printed.out).points_by_frame) == shown_points(folded).sizes["point"]
+    assert sum(check("fold", printed.out).points_by_frame) == confident_points(folded).sizes["point"]
     assert [path.name for path in tmp_path.iterdir() if "frames" in path.name] == []
     result = mf.load("out.nc")
     assert result.attrs.pop("command").startswith("mirrorfold fold recording.nc")

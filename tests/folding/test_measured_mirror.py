@@ -12,7 +12,7 @@ import pytest
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def found(shared_data):
 
 def objects(found, bounces):
     """Places of objects seen by that many mirrors, folded and as in the image, (2, n, 2) [mm]."""
-    table = shown_points(found)
+    table = confident_points(found)
     table = table.isel(point=(table["bounces"].values == bounces) & (table["surface"].values == "object"))
     return 1e3 * np.array([[table["x"], table["y"]], [table["x_initial"], table["y_initial"]]]).swapaxes(1, 2)
 

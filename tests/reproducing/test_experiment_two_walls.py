@@ -7,7 +7,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.common.chains import mirror_chains
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import mirror_lines
 from mirrorfold.reproducing import EXPERIMENTS, Work
 from mirrorfold.reproducing.parts.ghosts import ghosts_of, image_in, walls_of
@@ -101,7 +101,7 @@ def test_what_geometrical_optics_shows_of_both_scenes():
 
 def test_folding_all_generations_is_the_reconstruction(folded):
     """Chain by chain, the partial folds end where the reconstruction has its points and mirrors."""
-    points = shown_points(folded)
+    points = confident_points(folded)
     folds = partial_folds(folded, 1)
     initial = np.column_stack([points["x_initial"], points["y_initial"]])
     chains = points["chain"].values.astype(str)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import described, shown
+from mirrorfold.common.arguments import described, in_message
 from mirrorfold.errors import InputError
 from mirrorfold.reconstruction import fold
 
@@ -62,7 +62,7 @@ def load_method(name: str) -> Method:
     module_name, colon, function_name = name.partition(":")
     if not (module_name and colon and function_name):
         raise InputError(
-            f"method is {shown(name)}, expected ours, flat, opaque, published or MODULE:FUNCTION, such as "
+            f"method is {in_message(name)}, expected ours, flat, opaque, published or MODULE:FUNCTION, such as "
             "my_lab.folding:fold"
         )
     here = str(Path.cwd())

@@ -19,7 +19,7 @@ from mirrorfold.benchmarking.methods import load_method
 from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
 from mirrorfold.benchmarking.scenes import Line, Task, judge, scene_digest
 from mirrorfold.benchmarking.summaries import Benchmark, summarise
-from mirrorfold.common.arguments import listed, shown, wrong_kind
+from mirrorfold.common.arguments import in_message, listed, wrong_kind
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.errors import EndedError, InputError
@@ -83,7 +83,7 @@ def benchmark(
     """
     tasks = _tasks(families, radars, methods, seeds)
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
-        raise InputError(f"jobs is {shown(jobs)}, expected a whole number of at least 1")
+        raise InputError(f"jobs is {in_message(jobs)}, expected a whole number of at least 1")
     for folder in (output, sweeps):
         if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
             raise InputError(f"{folder}: is no folder; give the path of one")
@@ -145,7 +145,9 @@ def _tasks(
     numbers = [int(seed) if isinstance(seed, np.integer) else seed for seed in seeds]
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int) or number < 0:
-            raise InputError(f"seeds holds {shown(number)}, expected whole numbers of at least 0, such as range(10)")
+            raise InputError(
+                f"seeds holds {in_message(number)}, expected whole numbers of at least 0, such as range(10)"
+            )
     tasks = [
         Task(family, radar, seed, names)
         for family in dict.fromkeys(family.name for family in chosen)

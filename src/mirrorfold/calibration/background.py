@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, check_same_steps, unmeasured, with_samples
-from mirrorfold.common.arguments import truth
+from mirrorfold.common.arguments import boolean
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import check_sweep
 
@@ -44,7 +44,7 @@ def subtract_background(sweep: xr.Dataset, background: xr.Dataset, *, match: boo
             "give one of its frames"
         )
     s, other = sweep["s"].values, np.broadcast_to(background["s"].values, sweep["s"].shape)
-    match = truth("match", match)
+    match = boolean("match", match)
     lacking = unmeasured(s, sweep["s"].get_axis_num("frequency"))
     if "measured" in background.variables:
         known = background["measured"].astype(bool)

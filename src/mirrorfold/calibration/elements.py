@@ -23,7 +23,7 @@ from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.delays import Fit
 from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import positions
-from mirrorfold.common.arguments import truth, wrong_kind
+from mirrorfold.common.arguments import boolean, wrong_kind
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
@@ -167,7 +167,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
     InputError
         If the array is another one, or has its antennas in another order.
     """
-    sweep, gains = checked_pairs(sweep, "sweep", several=True), truth("gains", gains)
+    sweep, gains = checked_pairs(sweep, "sweep", several=True), boolean("gains", gains)
     if not isinstance(calibration, ElementCalibration):
         raise wrong_kind("calibration", calibration, CALIBRATION, reader="mf.calibrate.load_elements")
     tx, rx = positions(sweep)

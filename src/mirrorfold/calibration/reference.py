@@ -10,7 +10,7 @@ from mirrorfold.calibration.common_delay import find_common_delay
 from mirrorfold.calibration.gate import gate_samples
 from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, checked_pairs, with_samples
 from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
-from mirrorfold.common.arguments import number, truth
+from mirrorfold.common.arguments import boolean, number
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
 
@@ -58,7 +58,7 @@ def normalise_by_reference(
         If the sweeps do not match, or the reference is silent.
     """
     sweep, reference = checked_pairs(sweep, "sweep", several=True), checked_pairs(reference, "reference")
-    per_channel = truth("per_channel", per_channel)
+    per_channel = boolean("per_channel", per_channel)
     check_same_axes(sweep, reference, "reference", antennas=per_channel)
     tx, rx = positions(reference)
     length = sphere_paths(tx, rx, at) if normal is None else plate_paths(tx, rx, at, normal)

@@ -9,7 +9,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.calibration.record import by_blocks, checked_pairs, recorded, with_samples
-from mirrorfold.common.arguments import number, shown, wrong_kind
+from mirrorfold.common.arguments import in_message, number, wrong_kind
 from mirrorfold.common.plausible import LONG_ENOUGH, extent
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
@@ -202,7 +202,7 @@ def _factor(kind: str, unit: str) -> float:
     """
     factor = KINDS[kind].get(unit_named(unit) or "") if isinstance(unit, str) else None
     if factor is None:
-        raise InputError(f"{kind} unit is {shown(unit)}, expected one of: {', '.join(KINDS[kind])}")
+        raise InputError(f"{kind} unit is {in_message(unit)}, expected one of: {', '.join(KINDS[kind])}")
     return factor
 
 

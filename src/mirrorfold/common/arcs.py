@@ -64,7 +64,7 @@ def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) ->
     return np.asarray(arc.center + arc.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
-def by_three(places: Any) -> Any:
+def as_three_points(places: Any) -> Any:
     """Given mirrors as three points each if there are both lines (two points) and arcs (three); otherwise unchanged.
 
     Malformed entries stay for `mirrorfold.detection.mirrors.known_mirrors.check_mirrors` to refuse.

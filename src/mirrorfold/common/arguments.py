@@ -40,13 +40,13 @@ def described(value: Any) -> str:
     return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 
 
-def shown(value: Any) -> str:
+def in_message(value: Any) -> str:
     """A value as a message shows it: as Python writes it if that is short, else by a description.
 
     Examples
     --------
     >>> import numpy as np
-    >>> shown(2.5), shown(np.zeros((2, 3)))
+    >>> in_message(2.5), in_message(np.zeros((2, 3)))
     ('2.5', 'an array of shape (2, 3) and type float64')
     """
     if getattr(value, "shape", ()):
@@ -91,7 +91,7 @@ def finite(value: Any) -> float | None:
     """
     if not isinstance(value, Real) and getattr(value, "shape", None) == () and hasattr(value, "item"):
         value = value.item()
-    if not isinstance(value, Real) or is_truth(value):
+    if not isinstance(value, Real) or is_boolean(value):
         return None
     try:
         number = float(value)
@@ -100,7 +100,7 @@ def finite(value: Any) -> float | None:
     return number if isfinite(number) else None
 
 
-def is_truth(value: Any) -> bool:
+def is_boolean(value: Any) -> bool:
     """Whether a value is True or False, of Python or of NumPy."""
     numpy = sys.modules.get("numpy")  # NumPy need not be imported here: its values exist only if it is already
     return isinstance(value, bool) or (numpy is not None and isinstance(value, numpy.bool_))
@@ -152,7 +152,7 @@ def number(
         limits = " and ".join(f"{words} {bound:g}" for words, bound in bounds if bound is not None)
         if lowest is not None and highest is not None:
             limits = f"from {lowest:g} to {highest:g}"
-        raise InputError(f"{name} is {shown(value)}, expected {what} {limits}".rstrip())
+        raise InputError(f"{name} is {in_message(value)}, expected {what} {limits}".rstrip())
     return found
 
 
@@ -166,7 +166,7 @@ def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole
     """
     found = finite(value)
     if found is None or not found.is_integer() or found < lowest:
-        raise InputError(f"{name} is {shown(value)}, expected {what} of at least {lowest}")
+        raise InputError(f"{name} is {in_message(value)}, expected {what} of at least {lowest}")
     return int(value)
 
 
@@ -193,11 +193,11 @@ def one_of(name: str, value: Any, choices: Iterable[str]) -> str:
     """
     known = list(choices)
     if not isinstance(value, str) or value not in known:
-        raise InputError(f"{name} is {shown(value)}, expected one of {', '.join(known)}")
+        raise InputError(f"{name} is {in_message(value)}, expected one of {', '.join(known)}")
     return value
 
 
-def truth(name: str, value: Any) -> bool:
+def boolean(name: str, value: Any) -> bool:
     """An argument as True or False; 1 and 0 count, too.
 
     Raises
@@ -205,8 +205,8 @@ def truth(name: str, value: Any) -> bool:
     InputError
         If it is neither.
     """
-    if not is_truth(value) and finite(value) not in (0.0, 1.0):
-        raise InputError(f"{name} is {shown(value)}, expected True or False")
+    if not is_boolean(value) and finite(value) not in (0.0, 1.0):
+        raise InputError(f"{name} is {in_message(value)}, expected True or False")
     return bool(value)
 
 

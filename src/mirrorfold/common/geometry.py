@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
@@ -130,6 +130,6 @@ def place(value: ArrayLike, name: str) -> Array:
         point = np.empty(0)
     if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
         raise InputError(
-            f"{name} is {shown(value)}, expected two or three finite coordinates in metres, for example (0, 1.5)"
+            f"{name} is {in_message(value)}, expected two or three finite coordinates in metres, for example (0, 1.5)"
         )
     return np.array([*point, 0.0][:3])

@@ -126,7 +126,7 @@ def frequency_unit(highest: float, length: float, step: float, speed: float) -> 
     return min(misfit, key=misfit.__getitem__) if misfit else None
 
 
-def senseless(highest: float, length: float, speed: float) -> str | None:
+def implausible_array(highest: float, length: float, speed: float) -> str | None:
     """Why an array of this length cannot have measured waves of these frequencies, in words; None if it can.
 
     Parameters
@@ -138,9 +138,9 @@ def senseless(highest: float, length: float, speed: float) -> str | None:
 
     Examples
     --------
-    >>> senseless(126e9, length=2.4e-8, speed=299792458.0)
+    >>> implausible_array(126e9, length=2.4e-8, speed=299792458.0)
     'an array of 2.4e-08 m is 1e-05 wavelengths long at 1.26e+11 Hz'
-    >>> senseless(126e9, length=0.024, speed=299792458.0)
+    >>> implausible_array(126e9, length=0.024, speed=299792458.0)
     """
     limit = HIGHEST_OF_ALL[speed > SLOWEST_LIGHT]
     if highest > limit:
@@ -203,24 +203,24 @@ def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> 
     return bool(aperture > FINEST_APERTURE or aperture > WIDEST_APERTURE * wavelength)
 
 
-def any_of(values: NDArray) -> bool:
+def any_nonzero(values: NDArray) -> bool:
     """Whether any value is not zero; the first row is looked at first, since it mostly settles the question."""
     return bool(values[:1].any() or values.any())
 
 
-def one_part(s: NDArray[np.complexfloating]) -> str | None:
+def constant_part(s: NDArray[np.complexfloating]) -> str | None:
     """What samples (frequency first) are if their real or imaginary part is zero throughout; None for complex samples.
 
     Samples that do not change with frequency are not judged: those of an object at range zero are real.
 
     Examples
     --------
-    >>> one_part(np.array([1 + 0j, 2, 3])), one_part(np.array([1 + 0j, -2, 3])), one_part(np.array([1j, 2, 3]))
-    ('magnitudes', 'real parts', None)
+    >>> [constant_part(np.array([first, 2, 3])) for first in (1 + 0j, -1 + 0j, 1j)]
+    ['magnitudes', 'real parts', None]
     """
     if s.shape[0] < 2:
         return None
     for name, part, other in (("real parts", s.real, s.imag), ("imaginary parts", s.imag, s.real)):
-        if not any_of(other) and (part != part[:1]).any():
+        if not any_nonzero(other) and (part != part[:1]).any():
             return "magnitudes" if not (part < 0).any() else name
     return None

@@ -14,7 +14,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from textwrap import fill, indent
 from typing import Any, Literal, Self, TypeVar
 
-from mirrorfold.common.arguments import finite, is_truth, one_of, shown
+from mirrorfold.common.arguments import finite, in_message, is_boolean, one_of
 from mirrorfold.common.units import QUANTITIES
 from mirrorfold.errors import InputError
 
@@ -73,10 +73,10 @@ class Rule:
         if self.choices:
             one_of(name, value, self.choices)
         elif self.kind == "bool":
-            if not is_truth(value):
-                raise InputError(f"{name} is {shown(value)}, expected True or False")
+            if not is_boolean(value):
+                raise InputError(f"{name} is {in_message(value)}, expected True or False")
         elif self.kind.startswith(("float", "int")) and not self._holds(value):
-            raise InputError(f"{name} is {shown(value)}, expected {self.expected()}; leave it out for the default")
+            raise InputError(f"{name} is {in_message(value)}, expected {self.expected()}; leave it out for the default")
 
     def _holds(self, value: Any) -> bool:
         """Whether a value is a number within the bounds."""
@@ -258,7 +258,7 @@ def option_words(name: str, value: Any) -> list[str]:
     (['--wall-margin', '0.04'], ['--no-opaque'])
     """
     option = name.replace("_", "-")
-    if is_truth(value):
+    if is_boolean(value):
         return [f"--{option}" if value else f"--no-{option}"]
     return [f"--{option}", str(value)]
 

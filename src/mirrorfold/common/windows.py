@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.errors import InputError
 
 TAYLOR_SIDE_LOBE_DB = 30
@@ -57,7 +57,7 @@ def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.comple
     if isinstance(kind, str):
         if kind not in WINDOWS:
             raise InputError(
-                f"{name} is {shown(kind)}, expected one of {', '.join(sorted(WINDOWS))} or an array of {n} weights"
+                f"{name} is {in_message(kind)}, expected one of {', '.join(sorted(WINDOWS))} or an array of {n} weights"
             )
         return np.asarray(WINDOWS[kind](n), dtype=np.complex128)
     try:

@@ -20,9 +20,9 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.finding import see
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.gridding import plan_view
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.folding.shown import shown_points
 from mirrorfold.io.own.checks import check_image, check_reconstruction
 from mirrorfold.scoring.mirrors import Face, mirror_errors
 from mirrorfold.sweep.polarization import first_polarization
@@ -329,7 +329,7 @@ def _levels(changes: Changes) -> LevelChange:
 
 def _places(reconstruction: xr.DataTree, suffix: str = "") -> Array:
     """Positions of the points of a reconstruction, (n, d) [m]; with the suffix "_initial" those before folding."""
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     axes = [axis for axis in "xyz" if axis in objects.variables]
     return np.stack([objects[f"{axis}{suffix}"].values.astype(float) for axis in axes], axis=-1)
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mirrorfold.common.arguments import number, shown, whole_number
+from mirrorfold.common.arguments import in_message, number, whole_number
 from mirrorfold.common.settings import REQUIRED, Settings, setting
 from mirrorfold.common.units import FARTHEST
 from mirrorfold.errors import InputError
@@ -102,7 +102,7 @@ class PlanSettings(Quantities):
             number("band", value, "Hz", lowest=1e-3, highest=HIGHEST[True]) for value in _two("band", self.band, wanted)
         )
         if not start < stop:
-            raise InputError(f"band is {shown(self.band)}, expected {wanted}")
+            raise InputError(f"band is {in_message(self.band)}, expected {wanted}")
         points = whole_number("points", self.points, lowest=2, what="a whole number of frequencies")
         if points > LARGEST_COUNT:
             raise InputError(f"points is {points}, expected at most {LARGEST_COUNT} frequencies")
@@ -133,7 +133,7 @@ class PlanSettings(Quantities):
         meant = frequency_unit(stop, aperture, pitch, speed_of_light)
         if meant is not None:
             raise InputError(
-                f"band is {shown(self.band)} Hz, and an aperture of {aperture:g} m is "
+                f"band is {in_message(self.band)} Hz, and an aperture of {aperture:g} m is "
                 f"{aperture * stop / speed_of_light:.1g} wavelengths there; probably {meant} were meant, as in "
                 f"{start:g}{meant}:{stop:g}{meant}"
             )
@@ -155,7 +155,7 @@ class PlanSettings(Quantities):
 def _two(name: str, value: Any, expected: str) -> tuple[Any, Any]:
     """Both entries of a pair; a value that is no pair is refused."""
     if isinstance(value, str) or not (isinstance(value, Sequence) or hasattr(value, "shape")) or len(value) != 2:
-        raise InputError(f"{name} is {shown(value)}, expected {expected}")
+        raise InputError(f"{name} is {in_message(value)}, expected {expected}")
     return value[0], value[1]
 
 
@@ -165,5 +165,5 @@ def _materials(given: Any) -> tuple[str, ...]:
     if not isinstance(found, Sequence) or not found or not all(isinstance(name, str) for name in found):
         from mirrorfold.scenes.materials import names
 
-        raise InputError(f"materials is {shown(given)}, expected one or more of: {', '.join(names())}")
+        raise InputError(f"materials is {in_message(given)}, expected one or more of: {', '.join(names())}")
     return tuple(found)

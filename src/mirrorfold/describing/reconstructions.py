@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.describing.contents import Sized
+from mirrorfold.folding.confident import confident_points, passed_walls
 from mirrorfold.folding.frames import frame_count
-from mirrorfold.folding.shown import passed_walls, shown_points
 
 
 class MirrorFacts(Record):
@@ -52,7 +52,7 @@ class ReconstructionFacts(Sized):
 
 def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
     """Facts about a valid reconstruction: its points, mirrors, and remarks on what looks wrong."""
-    every, objects = reconstruction.children["objects"].to_dataset(inherit=False), shown_points(reconstruction)
+    every, objects = reconstruction.children["objects"].to_dataset(inherit=False), confident_points(reconstruction)
     left_out = int(np.size(reconstruction.attrs.get("mixed_x", ())))  # in files of earlier versions
     doubted = every.sizes.get("point", 0) - objects.sizes.get("point", 0)
     if "explanation" in every:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from mirrorfold.common.arguments import truth
+from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.windows import hann
@@ -130,7 +130,7 @@ def describe_sweep(sweep: xr.Dataset, path: str, *, diagnose: bool) -> SweepFact
     except InputError as error:
         return _broken(sweep, path, error)
     facts = _raster(valid) if is_raster(valid) else _arrays(valid)
-    if not truth("diagnose", diagnose):
+    if not boolean("diagnose", diagnose):
         return facts
     from mirrorfold.diagnosis import diagnose as find_mistakes
 

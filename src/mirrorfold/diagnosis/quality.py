@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.masking import Bad, find_bad
-from mirrorfold.common.plausible import one_part
+from mirrorfold.common.plausible import constant_part
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
 from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of
 
@@ -33,7 +33,7 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
 def _phase_findings(sweep: xr.Dataset) -> list[Finding]:
     """The finding that the samples are magnitudes, real parts or imaginary parts alone, and so have no phase."""
     s = sweep["s"]
-    part = one_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0)) if "frequency" in s.dims else None
+    part = constant_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0)) if "frequency" in s.dims else None
     if part is None:
         return []
     what = f"The samples are {part} alone: the other part of every one is zero, and nothing tells where echoes are."

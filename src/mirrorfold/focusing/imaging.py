@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.common.forecasts import tell
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
@@ -85,7 +85,7 @@ def focus(
         return focus_scans(sweep, settings, progress)
     if settings.normalization not in IMAGE_NORMALIZATIONS:
         raise InputError(
-            f"normalization is {shown(settings.normalization)}, which raster scans alone have; "
+            f"normalization is {in_message(settings.normalization)}, which raster scans alone have; "
             f"expected one of {', '.join(IMAGE_NORMALIZATIONS)}"
         )
     sweep, problem = make_problem(sweep, settings)

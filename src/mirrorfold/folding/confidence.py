@@ -47,7 +47,7 @@ WEIGHTS = {
     "behind mirrors": (-2.45, 0.12, 1.27, -1.8),
     "on mirrors": (4.0, 0.0, 0.0, -1.8),
 }
-"""Weights of the first four features of `evidence`, for objects in line of sight, objects behind mirrors, and points on
+"""Weights of the first four columns of `features`, for objects in line of sight, objects behind mirrors, and points on
 the faces of mirrors. The weighted sum is the logarithm of the odds that a point is true. In the ray scenes, no point on
 a face was false; the weight 4.0 allows for one in fifty. Fitted by `benchmarks/confidence.py`, where ray scenes, of
 four radars, and full-wave scenes have equal weight."""
@@ -71,7 +71,7 @@ Shares = Callable[[Array, Array], Array]
 """Measures the `confocal_share` (n,) of echoes from their positions (n, d) [m] in the image and amplitudes (n,)."""
 
 
-def judged(points: Points, found: Found, shares: Shares | None = None) -> Points:
+def with_confidence(points: Points, found: Found, shares: Shares | None = None) -> Points:
     """The points with confidence and standard errors; appended, the echoes that do not come from where they are seen.
 
     Parameters
@@ -85,13 +85,13 @@ def judged(points: Points, found: Found, shares: Shares | None = None) -> Points
     """
     view = found.sight.view
     if shares is not None:
-        points = measured(points, shares)
+        points = with_confocal_shares(points, shares)
     error, astray = errors(points, found.tree, view)
-    features = evidence(points, view, astray, over_faces(points, found.tree))
-    kind = kinds(points)
-    seen, with_share = (np.array(list(weights.values()))[kind] for weights in (WEIGHTS, WEIGHTS_MEASURED))
-    unmeasured = np.sum(features[:, : seen.shape[1]] * seen, axis=1)
-    log_odds = np.where(np.isfinite(features[:, 4]), np.sum(np.nan_to_num(features) * with_share, axis=1), unmeasured)
+    values = features(points, view, astray, over_faces(points, found.tree))
+    rows = weight_rows(points)
+    seen, with_share = (np.array(list(weights.values()))[rows] for weights in (WEIGHTS, WEIGHTS_MEASURED))
+    unmeasured = np.sum(values[:, : seen.shape[1]] * seen, axis=1)
+    log_odds = np.where(np.isfinite(values[:, 4]), np.sum(np.nan_to_num(values) * with_share, axis=1), unmeasured)
     points = replace(points, error=error, confidence=expit(log_odds))
     # What is seen by way of a mirror is there only if the mirror is: probabilities multiply.
     for node in found.tree.walk():
@@ -104,7 +104,7 @@ def judged(points: Points, found: Found, shares: Shares | None = None) -> Points
     return _with_ghosts(points, found)
 
 
-def measured(points: Points, shares: Shares) -> Points:
+def with_confocal_shares(points: Points, shares: Shares) -> Points:
     """The points with the confocal shares of objects; faces of mirrors, which are strong and straight, need none."""
     objects = points.mirror == ""
     share = np.full(len(points.initial), np.nan)
@@ -112,7 +112,7 @@ def measured(points: Points, shares: Shares) -> Points:
     return replace(points, confocal=share)
 
 
-def kinds(points: Points) -> Index:
+def weight_rows(points: Points) -> Index:
     """The row of `WEIGHTS` for each point, (n,): 0 in line of sight, 1 behind mirrors, 2 on the faces of mirrors."""
     return np.where(points.mirror != "", 2, np.minimum(points.bounces, 1)).astype(np.intp)
 
@@ -139,7 +139,7 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
     return level
 
 
-def evidence(points: Points, view: View, astray: Array, over_face: Array) -> Array:
+def features(points: Points, view: View, astray: Array, over_face: Array) -> Array:
     """The features of each point that speak for or against it, (n, 6).
 
     The columns are: (0) one; (1) the level over what the echo had to exceed [dB]; (2) the logarithm to base 2 of the

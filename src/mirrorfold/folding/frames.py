@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import shown, whole_number, wrong_kind
+from mirrorfold.common.arguments import in_message, whole_number, wrong_kind
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 
@@ -67,7 +67,7 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     if count is None or frame is None or not 0 <= frame < count:
         found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
         remedy = "choose one with --frame N, in Python with mf.pick_frame(x, N)" if count else "leave --frame out"
-        asked = "a frame is needed" if frame is None else f"frame is {shown(frame)}"
+        asked = "a frame is needed" if frame is None else f"frame is {in_message(frame)}"
         raise InputError(f"{asked}, but there are {found}; {remedy}")
     if not isinstance(obj, xr.DataTree):
         return obj.isel(frame=frame)

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import number, path_of, shown, truth
+from mirrorfold.common.arguments import boolean, in_message, number, path_of
 from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, unit_named
@@ -87,13 +87,13 @@ def import_image(
     InputError
         If there is no image, or none with known coordinates.
     """
-    where, decibel = place(radar, "radar"), truth("decibel", decibel)
+    where, decibel = place(radar, "radar"), boolean("decibel", decibel)
     cell = None if cell is None else number("cell", cell, "m", above=0.0)
     path = path_of("import_image", path)
     contents = read_contents(path)
     scale = KINDS["length"].get(unit_named(unit) or "") if isinstance(unit, str) else None
     if scale is None:
-        raise InputError(f"{path}: unit is {shown(unit)}, expected one of {', '.join(KINDS['length'])}")
+        raise InputError(f"{path}: unit is {in_message(unit)}, expected one of {', '.join(KINDS['length'])}")
     if contents.reader == "cloud" or (contents.reader == "table" and _named(contents, "x", 1) and image is None):
         found = _gridded(contents, "x" if x is None else x, "y" if y is None else y, image, scale, cell, decibel)
     else:
@@ -151,7 +151,7 @@ def _image(
     order = order if order is not None else ("".join(dims) if sorted(dims) == sorted(wanted) else None)
     order = order if order is not None else _order(values.shape, coordinates, wanted)
     if not isinstance(order, str) or sorted(order) != sorted(wanted):
-        raise InputError(f"order is {shown(order)}, expected the letters of {wanted!r}")
+        raise InputError(f"order is {in_message(order)}, expected the letters of {wanted!r}")
     for axis, length in zip(order, values.shape, strict=True):
         if coordinates[axis].size != length:
             said = ", ".join(f"{axis} {coordinate.size}" for axis, coordinate in coordinates.items())

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import is_truth, shown, wrong_kind
+from mirrorfold.common.arguments import in_message, is_boolean, wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.assembly import assemble, join
@@ -90,14 +90,14 @@ def _one_frame(sweep: xr.Dataset, frame: int | str) -> xr.Dataset:
     """One frame of a recording, or the mean of all frames."""
     if "frame" not in sweep["s"].dims:
         raise InputError(
-            f"frame is {shown(frame)}, and the samples have the dimensions {sweep['s'].dims}; leave it out"
+            f"frame is {in_message(frame)}, and the samples have the dimensions {sweep['s'].dims}; leave it out"
         )
     count = sweep.sizes["frame"]
     if isinstance(frame, str) and frame == "mean":
         s = sweep["s"].mean("frame").astype("complex64")
         return check_sweep(sweep.drop_vars("s").assign(s=s))
-    if is_truth(frame) or not isinstance(frame, int | np.integer) or not -count <= frame < count:
-        raise InputError(f"frame is {shown(frame)}, expected a number from 0 to {count - 1}, or 'mean'")
+    if is_boolean(frame) or not isinstance(frame, int | np.integer) or not -count <= frame < count:
+        raise InputError(f"frame is {in_message(frame)}, expected a number from 0 to {count - 1}, or 'mean'")
     return sweep.isel(frame=frame)
 
 

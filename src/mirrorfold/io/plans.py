@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arcs import Arc, arc_through, by_three, in_line, mirror_places
+from mirrorfold.common.arcs import Arc, arc_through, as_three_points, in_line, mirror_places
 from mirrorfold.common.arguments import path_of
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.plans import FloorPlan
@@ -80,7 +80,7 @@ def read_plan(path: str | Path) -> FloorPlan:
         wrong = unplaced(line)
         if wrong is not None:
             raise InputError(f"{path}: a line has a coordinate that {wrong}; draw it anew, in metres")
-    return FloorPlan(lines, np.array(by_three(images)) if images else None, str(path))
+    return FloorPlan(lines, np.array(as_three_points(images)) if images else None, str(path))
 
 
 def as_plan(plan: Any, name: str = "plan") -> FloorPlan:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_curves
-from mirrorfold.common.arguments import number, shown, truth, wrong_kind
+from mirrorfold.common.arguments import boolean, in_message, number, wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 from mirrorfold.errors import InputError
 from mirrorfold.io.plans import as_plan
@@ -56,7 +56,7 @@ def checked_extent(extent: Any) -> Extent | None:
         x0, x1, y0, y1 = (number("extent", value, "m") for value in extent)
         if x0 < x1 and y0 < y1:
             return x0, x1, y0, y1
-    raise InputError(f"extent is {shown(extent)}, expected (x0, x1, y0, y1) in metres with x0 < x1 and y0 < y1")
+    raise InputError(f"extent is {in_message(extent)}, expected (x0, x1, y0, y1) in metres with x0 < x1 and y0 < y1")
 
 
 def outer_edges(centres: Array) -> tuple[float, float]:
@@ -137,7 +137,7 @@ def mirror_lines(reconstruction: xr.DataTree, *, folded: bool) -> list[tuple[Arr
 
     With `folded`, mirrors are at their true places, otherwise where they appear in the initial image.
     """
-    folded = truth("folded", folded)
+    folded = boolean("folded", folded)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     lines = mirror_curves(held, "folded_" if folded else "")
     return list(zip(lines, held["generation"].values.astype(int).tolist(), strict=True))

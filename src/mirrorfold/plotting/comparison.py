@@ -11,10 +11,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from mirrorfold.common.arguments import truth
+from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, bounce_label
+from mirrorfold.folding.confident import confident_points, passed_walls
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.folding.shown import passed_walls, shown_points
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,
@@ -146,8 +146,8 @@ def content_extent(
         The whole grid where nothing was found.
     """
     expect_reconstruction("content_extent", reconstruction)
-    scene, plan, folded = known_scene(scene), known_plan(plan), truth("folded", folded)
-    objects = shown_points(reconstruction)
+    scene, plan, folded = known_scene(scene), known_plan(plan), boolean("folded", folded)
+    objects = confident_points(reconstruction)
     suffix = "" if folded else "_initial"
     points = [radar_of(reconstruction)[None], np.column_stack([objects[f"x{suffix}"], objects[f"y{suffix}"]])]
     points += [ends for ends, _ in mirror_lines(reconstruction, folded=folded)]
@@ -197,7 +197,7 @@ def _is_flat(scene: Scene | Scene3D | None) -> TypeGuard[Scene]:
 
 def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
     """Entries of the legend: one for each colour in the picture, for the truth and for the floor plan."""
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     passed = passed_walls(objects)
     bounces = {int(count) for count in np.unique(objects["bounces"].values[~passed])}
     bounces |= {generation - 1 for _, generation in mirror_lines(reconstruction, folded=False)}

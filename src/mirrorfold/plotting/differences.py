@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mirrorfold.common.arguments import number
 from mirrorfold.common.decibels import decibels
 from mirrorfold.describing.comparison import Changes, checked_pair, find_changes, two_names
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import Extent, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.plotting.figures import COLOUR_MAP, mirrors
@@ -100,7 +100,7 @@ def _levels(changes: Changes, floor_db: float) -> tuple[Any, Any]:
 
 def _points(ax: Axes, first: xr.DataTree, second: xr.DataTree, changes: Changes) -> None:
     """Draw points and mirrors of both results; points that only one result has are coloured."""
-    a, b = map(shown_points, (first, second))
+    a, b = map(confident_points, (first, second))
     for held, chosen, colour, label in (
         (b, ~changes.gained, KEPT, "kept"),
         (a, changes.lost, LOST, "lost"),

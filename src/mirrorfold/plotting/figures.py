@@ -16,12 +16,12 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import number, one_of, shown, truth, wrong_kind
+from mirrorfold.common.arguments import boolean, in_message, number, one_of, wrong_kind
 from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, TRUTH_COLOUR, decibels
 from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.folding.shown import passed_walls, shown_points
+from mirrorfold.folding.confident import confident_points, passed_walls
 from mirrorfold.io.plans import as_plan
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
@@ -92,14 +92,16 @@ def image(
         raise wrong_kind("plot.image", image, "an image (xarray.DataArray) with the dimensions (y, x)")
     floor_db = number("floor_db", floor_db, "dB")
     if floor_db >= 0:
-        raise InputError(f"floor_db is {shown(floor_db)}, expected a negative number of decibels, for example -40")
+        raise InputError(f"floor_db is {in_message(floor_db)}, expected a negative number of decibels, for example -40")
     one_of("normalization", normalization, ("r", "none"))
-    radar, colorbar = place(radar, "radar"), truth("colorbar", colorbar)
+    radar, colorbar = place(radar, "radar"), boolean("colorbar", colorbar)
     extent = checked_extent(extent)
     if extent is not None:
         image = image.sel(x=slice(*extent[:2]), y=slice(*extent[2:]))
         if image.size == 0:
-            raise InputError(f"extent is {shown(extent)}, and the image has no pixel there; leave it out to see where")
+            raise InputError(
+                f"extent is {in_message(extent)}, and the image has no pixel there; leave it out to see where"
+            )
     ax = axes_or_new(ax)
     amplitude = np.abs(image.values).astype(float)
     if normalization == "r":
@@ -305,7 +307,7 @@ MANY_POINTS = 3000
 
 def _points(reconstruction: xr.DataTree, ax: Axes, suffix: str) -> None:
     """Draw the points in the colour of their number of bounces; the suffix is "" for folded places, or "_initial"."""
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     bounces = objects["bounces"].values
     passed = passed_walls(objects)
     size, alpha = (1.3, 0.35) if bounces.size > MANY_POINTS else (2.6, 0.8)

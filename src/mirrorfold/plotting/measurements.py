@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import truth
+from mirrorfold.common.arguments import boolean
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import axes_or_new, expect_reconstruction
 from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 
@@ -119,7 +119,7 @@ def channel_map(sweep: xr.Dataset, ax: Axes | None = None, *, colorbar: bool = T
     mesh = ax.imshow(level, origin="lower", extent=(extent[0], extent[1], extent[2], extent[3]), cmap="cividis",
                      vmin=min(low, -1.0), vmax=0.0, aspect="auto", interpolation="nearest")  # fmt: skip
     ax.set_facecolor("0.85")
-    if truth("colorbar", colorbar) and isinstance(ax.figure, Figure):
+    if boolean("colorbar", colorbar) and isinstance(ax.figure, Figure):
         ax.figure.colorbar(mesh, ax=ax, label="mean power [dB]", pad=0.02)
     return ax
 
@@ -161,7 +161,7 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
     """
     expect_reconstruction("tree", reconstruction)
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     parent = mirrors["parent"].values.astype(int)
     chain = mirror_chains(mirrors)
     held = objects["chain"].values.astype(str)

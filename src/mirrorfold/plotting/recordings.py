@@ -11,8 +11,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from mirrorfold.errors import InputError
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import frame_count
-from mirrorfold.folding.shown import shown_points
 from mirrorfold.plotting.axes import axes_or_new, draw_radar, in_metres, mirror_lines, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.plotting.figures import image
@@ -51,7 +51,7 @@ def frames(reconstruction: xr.DataTree, ax: Axes | None = None, *, floor_db: flo
     strongest = reconstruction.dataset["intensity"].max("frame").fillna(0.0)
     extent = content_extent(reconstruction, folded=True)
     image(strongest, ax, floor_db=floor_db, normalization="none", extent=extent, colorbar=False)
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     scale = ScalarMappable(Normalize(0, max(count - 1, 1)), FRAME_COLOURS)
     number = objects["frame"].values
     ax.scatter(objects["x"], objects["y"], c=scale.to_rgba(number), s=5.0, linewidths=0, rasterized=True, zorder=3)

@@ -16,11 +16,11 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_outlines
-from mirrorfold.common.arguments import number, truth
+from mirrorfold.common.arguments import boolean, number
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import (
     axes_or_new,
     draw_radar,
@@ -67,7 +67,7 @@ def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
         If the reconstruction has two dimensions.
     """
     expect_reconstruction("volume", reconstruction)
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     if "z" not in objects.variables:
         raise InputError("reconstruction: is a floor plan, it has no heights; draw it with plot.before_after")
     return {str(name): objects[name].values for name in objects.variables}
@@ -254,7 +254,7 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None
     """
     columns = _points(reconstruction)
     scene = None if scene is None else scene_in_space(scene)
-    folded = truth("folded", folded)
+    folded = boolean("folded", folded)
     suffix, prefix = ("", "folded_") if folded else ("_initial", "")
     points = np.stack([columns[axis + suffix] for axis in "xyz"], axis=-1)
     figure = Figure(figsize=(9.0, 7.5), layout="constrained")

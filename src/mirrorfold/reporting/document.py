@@ -22,7 +22,7 @@ from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors
 from mirrorfold.describing.settings import attribute_words, recorded_settings
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reporting.rows import found_rows, mirror_rows, score_rows
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def to_document(
     settings = recorded_settings(attrs)
     elsewhere = {*HIDDEN_ATTRS, *(setting.attr for setting in settings)}
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
-    trusted = shown_points(reconstruction)
+    trusted = confident_points(reconstruction)
     dimensions = 3 if "z" in objects.variables else 2
     axes = "xyz"[:dimensions]
     mirrors = mirror_rows(reconstruction)
@@ -163,7 +163,7 @@ def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
     """The part of the plane to show (x0, x1, y0, y1) [m]: all that was found, folded and unfolded, with a margin."""
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     grid = reconstruction.children["initial"].dataset
     found = []

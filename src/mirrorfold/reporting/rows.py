@@ -12,7 +12,7 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import PASSED_LABEL, bounce_label
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import PANE, on_mirrors, radius_of
-from mirrorfold.folding.shown import passed_walls
+from mirrorfold.folding.confident import passed_walls
 
 
 def mirror_rows(reconstruction: xr.DataTree) -> list[dict[str, Any]]:

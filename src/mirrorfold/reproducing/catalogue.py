@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, cast
 
 from mirrorfold import __version__
-from mirrorfold.common.arguments import listed, shown
+from mirrorfold.common.arguments import in_message, listed
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -201,7 +201,9 @@ def chosen(names: str | Sequence[str]) -> list[Experiment]:
         raise InputError(f"names is empty, expected some of: all, {', '.join(EXPERIMENTS)}")
     for name in wanted:
         if not isinstance(name, str) or (name not in EXPERIMENTS and name != "all"):
-            raise InputError(f"experiment {shown(name)} is not known, expected one of: all, {', '.join(EXPERIMENTS)}")
+            raise InputError(
+                f"experiment {in_message(name)} is not known, expected one of: all, {', '.join(EXPERIMENTS)}"
+            )
     found = [one for name, one in EXPERIMENTS.items() if name in wanted or "all" in wanted]
     for experiment in found:
         experiment.check_installed()

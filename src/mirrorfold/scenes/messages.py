@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from pydantic import ValidationError
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.errors import InputError
 
 INTERNAL = re.compile(r"[A-Z].*|.*[\[(].*|str|float|int")
@@ -93,9 +93,9 @@ def _explain(item: Any, entries: Entries) -> tuple[str, str]:
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}" if place else str(item["ctx"]["error"]), ""
     if place == "dimensions":
-        return f"dimensions is {shown(found)}", "2 or 3"
+        return f"dimensions is {in_message(found)}", "2 or 3"
     message = "a table" if item["type"] == "dataclass_type" else item["msg"].removeprefix("Input should be ")
-    return f"{place or 'file'} is {shown(found)}", message
+    return f"{place or 'file'} is {in_message(found)}", message
 
 
 def _unknown(place: str, entry: str, kind: str, entries: Entries) -> str:

@@ -17,15 +17,15 @@ from mirrorfold.common.arguments import whole_number, wrong_kind
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.errors import InputError
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.folding.shown import shown_points
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import BOUNCES
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
-from mirrorfold.scoring.transparent import panes, sides
+from mirrorfold.scoring.transparent import panes, side_shares
 from mirrorfold.scoring.truth import Array, Mask, Truth
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ def score(
     bounces = whole_number("bounces", bounces)
     reconstruction = pick_frame(reconstruction)
     scene = as_scene(scene)
-    objects = shown_points(reconstruction, min_confidence)
+    objects = confident_points(reconstruction, min_confidence)
     flat = "z" not in objects.variables
     if flat != isinstance(scene, Scene):
         held, given = (2, 3) if flat else (3, 2)
@@ -171,7 +171,7 @@ def score(
     if (wrong := unplaced(points)) is not None:
         raise InputError(f"reconstruction: holds a point that {wrong}; fold again")
     cells = point_cells(objects, reconstruction.attrs), point_cells(objects, reconstruction.attrs, grown=False)
-    found_sides = sides(objects, scene)
+    found_sides = side_shares(objects, scene)
     side_facts: dict[str, Any] = {}
     if found_sides.doubtful is not None:
         side_facts = {

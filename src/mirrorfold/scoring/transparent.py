@@ -33,7 +33,7 @@ NEEDED = {"x_initial", "y_initial", "surface", "chain"}
 """Columns of points that are needed; reconstructions by other methods may lack them."""
 
 
-class Sides(NamedTuple):
+class SideShares(NamedTuple):
     """How often a reconstruction tells reflected from passed echoes behind half-transparent walls.
 
     Attributes
@@ -51,7 +51,7 @@ class Sides(NamedTuple):
     distance: Number = None
 
 
-class Behind(NamedTuple):
+class EchoesBehind(NamedTuple):
     """Echoes of a reconstruction behind half-transparent walls for which the truth is known, (n,) each.
 
     Attributes
@@ -78,12 +78,12 @@ class Behind(NamedTuple):
     before: Array
     after: Array
 
-    def take(self, which: Mask) -> Behind:
+    def take(self, which: Mask) -> EchoesBehind:
         """Some of the echoes, by mask."""
-        return Behind._make(each[which] for each in self)
+        return EchoesBehind._make(each[which] for each in self)
 
 
-class Walls(NamedTuple):
+class WallImages(NamedTuple):
     """What half-transparent walls of a scene show, in d dimensions.
 
     Attributes
@@ -115,7 +115,7 @@ def panes(scene: Scene | Scene3D) -> dict[str, tuple[float, float]]:
     }
 
 
-def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
+def walls_of_plan(scene: Scene, places: Array) -> WallImages | None:
     """What the half-transparent walls of a floor plan show, and which places (p, 2) [m] lie behind them.
 
     None if there is no such wall, or no other surface.
@@ -134,10 +134,10 @@ def walls_of_plan(scene: Scene, places: Array) -> Walls | None:
         incidence[here] = np.arccos(np.clip(np.abs(sight[here] @ normal), 0.0, 1.0))
         met |= here
         images.append(reflect(objects, start, normal))
-    return Walls(objects, np.concatenate(images), met, incidence)
+    return WallImages(objects, np.concatenate(images), met, incidence)
 
 
-def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
+def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     """Echoes behind half-transparent walls, with the truth: reflected by the wall, or passed through it.
 
     An echo was reflected if the image shows it nearer to the mirror image of an object, and passed if it is nearer to
@@ -167,7 +167,7 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> Behind | None:
     asked = objects["passed"].values[own] if "passed" in objects else np.full(len(initial), np.nan)
     through = objects["chain"].values[own] == ""
     after = tree.query(place)[0]
-    return Behind(initial, asked, through, there < shown, walls.incidence, there, after).take(known)
+    return EchoesBehind(initial, asked, through, there < shown, walls.incidence, there, after).take(known)
 
 
 def doubted(passed: Array) -> Mask:
@@ -175,15 +175,15 @@ def doubted(passed: Array) -> Mask:
     return np.asarray((passed > 0.1) & (passed < 0.9))
 
 
-def sides(objects: xr.Dataset, scene: Scene | Scene3D) -> Sides:
+def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> SideShares:
     """How often a reconstruction tells passed from reflected echoes; all None if it tested none."""
     found = behind(objects, scene)
     if found is None or not (asked := np.isfinite(found.passed)).any():
-        return Sides()
+        return SideShares()
     passed, truth, taken, after = found.passed[asked], found.truth[asked], found.taken[asked], found.after[asked]
     through = truth & taken
     doubtful = doubted(passed)
-    return Sides(
+    return SideShares(
         right=None if doubtful.all() else float(np.mean((passed > 0.5)[~doubtful] == truth[~doubtful])),
         doubtful=float(doubtful.mean()),
         distance=float(np.median(after[through])) if through.any() else None,

@@ -12,7 +12,7 @@ from mirrorfold.scenes.solids import Patch, Scene3D
 from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, farthest_range
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
-from mirrorfold.scoring.transparent import Walls
+from mirrorfold.scoring.transparent import WallImages
 from mirrorfold.scoring.truth import Truth
 from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
 from mirrorfold.simulation.raster.meshes import Solid, solids
@@ -98,7 +98,7 @@ def visible_truth(
     return direct, reachable
 
 
-def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
+def walls_of_space(scene: Scene3D, places: Array) -> WallImages | None:
     """What the half-transparent panels show, and which places (p, 3) [m] lie behind them.
 
     None if there is no such panel, or no other surface.
@@ -115,7 +115,7 @@ def walls_of_space(scene: Scene3D, places: Array) -> Walls | None:
         which, cosine = sheet.met(np.broadcast_to(origin, places.shape), places)
         met[which], incidence[which] = True, np.arccos(np.clip(cosine, 0.0, 1.0))
     images = [reflect(objects, *_face_towards(sheet, origin)) for sheet in sheets]
-    return Walls(objects, np.concatenate(images), met, incidence)
+    return WallImages(objects, np.concatenate(images), met, incidence)
 
 
 def _face_towards(sheet: Sheet, place: Array) -> tuple[Array, Array]:

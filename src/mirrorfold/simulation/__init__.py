@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import number, one_of, path_of, truth, whole_number
+from mirrorfold.common.arguments import boolean, number, one_of, path_of, whole_number
 from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
@@ -128,8 +128,8 @@ def simulate(
     bounces, seed = whole_number("bounces", bounces), whole_number("seed", seed)
     tolerance = number("tolerance", tolerance)
     workers = whole_number("workers", workers, lowest=1)
-    force, direct, resume = truth("force", force), truth("direct", direct), truth("resume", resume)
-    check_residual = truth("check_residual", check_residual)
+    force, direct, resume = boolean("force", force), boolean("direct", direct), boolean("resume", resume)
+    check_residual = boolean("check_residual", check_residual)
     snr_db = None if snr_db is None else number("snr_db", snr_db, "dB")
     memory_limit = None if memory_limit is None else number("memory_limit", memory_limit, "B", above=0.0)
     checkpoint = None if checkpoint is None else path_of("checkpoint", checkpoint, "the path of a folder")

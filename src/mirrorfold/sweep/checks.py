@@ -9,17 +9,17 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.arguments import shown, wrong_kind
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.plausible import (
-    any_of,
+    any_nonzero,
+    constant_part,
     extent,
     frequency_unit,
+    implausible_array,
     length_unit,
     may_be_sound,
-    one_part,
     pitch,
     radians_for_degrees,
-    senseless,
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
@@ -77,7 +77,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     named = polarizations(sweep, source)
     said = sweep.attrs.get("polarization")
     if said is not None and (named or said not in POLARIZATIONS):
-        raise refuse(f"attr polarization is {shown(said)}, expected TE or TM, and none where s has several")
+        raise refuse(f"attr polarization is {in_message(said)}, expected TE or TM, and none where s has several")
     if s.size == 0:
         raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
     if s.dtype.kind != "c":
@@ -108,7 +108,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             f"frequencies up to {frequency.max():g} Hz make no sense with {_size(sweep)}; they are probably in {unit}: "
             f"give them in hertz (calibrate --frequency-unit {unit}), or for other waves than light the attr wave_speed"
         )
-    what = senseless(float(frequency.max()), _length_and_pitch(sweep)[0], wave_speed(sweep))
+    what = implausible_array(float(frequency.max()), _length_and_pitch(sweep)[0], wave_speed(sweep))
     if unit is None and what is not None:
         raise refuse(f"{what}; give frequencies in hertz and positions in metres")
     missing = int(np.count_nonzero(~np.isfinite(s.values)))
@@ -117,9 +117,9 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             f"s holds {missing} samples of {s.size} that are not finite (NaN or infinite); "
             "replace them, for example by zero, or leave out their channels"
         )
-    if not any_of(s.values):
+    if not any_nonzero(s.values):
         raise refuse("every sample of s is zero; there is nothing to image")
-    part = one_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0))
+    part = constant_part(np.moveaxis(s.values, s.get_axis_num("frequency"), 0))
     if part is not None:
         raise refuse(
             f"s holds {part} alone, the other part of every sample is zero; add it, or the phase: without it nothing "
@@ -129,7 +129,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if convention == CONJUGATED:
         return sweep.assign(s=np.conj(s)).assign_attrs(time_convention=TIME_CONVENTION)
     if convention != TIME_CONVENTION:
-        raise refuse(f"time_convention is {shown(convention)}, expected 'exp(+jwt)' or 'exp(-jwt)'")
+        raise refuse(f"time_convention is {in_message(convention)}, expected 'exp(+jwt)' or 'exp(-jwt)'")
     return sweep
 
 
@@ -231,7 +231,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
     """Refuse a `wave_speed` that is no positive number, and a `scene_center` or `origin` that is no place in space."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
     if isinstance(speed, bool) or not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
-        raise refuse(f"attr wave_speed is {shown(speed)}, expected a positive number of metres per second")
+        raise refuse(f"attr wave_speed is {in_message(speed)}, expected a positive number of metres per second")
     for name in ("scene_center", "origin"):
         centre = sweep.attrs.get(name)
         try:
@@ -239,7 +239,7 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
         except (TypeError, ValueError, OverflowError):
             place = np.empty(0)
         if place.shape != (3,) or unplaced(place) is not None:
-            raise refuse(f"attr {name} is {shown(centre)}, expected three finite numbers in metres")
+            raise refuse(f"attr {name} is {in_message(centre)}, expected three finite numbers in metres")
 
 
 def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import shown, wrong_kind
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import CONJUGATED, TIME_CONVENTION, antenna_positions, wave_speed
@@ -72,7 +72,9 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
             raise wrong_kind(f"sweeps: {name}", sweep, "a sweep (xarray.Dataset) with s(frequency, tx, rx)")
         said = sweep.attrs.get("polarization", name)
         if said != name:
-            raise InputError(f"sweeps: that of {name} says of itself that its polarization is {shown(said)}; swap them")
+            raise InputError(
+                f"sweeps: that of {name} says of itself that its polarization is {in_message(said)}; swap them"
+            )
         if polarizations(sweep, name):
             raise InputError(f"sweeps: that of {name} holds several polarizations already; choose one")
         if (what := _difference(first, sweep)) is not None:

@@ -25,9 +25,9 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS, FoldSettings
+from mirrorfold.folding.confident import confident_points, passed_walls
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.folding.shown import passed_walls, shown_points
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_whole
 from mirrorfold.reconstruction import FoldPlan
@@ -359,7 +359,7 @@ class Session:
 
 def what_is_lost(reconstruction: xr.DataTree) -> str:
     """What gets lost when a reconstruction is folded anew, as a note for the page; empty where nothing does."""
-    objects = shown_points(reconstruction)
+    objects = confident_points(reconstruction)
     told = "decided" in objects and objects["decided"].values[passed_walls(objects)] == BY_POLARIZATION
     if not (count := int(np.count_nonzero(told))):
         return ""

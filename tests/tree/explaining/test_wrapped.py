@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 import mirrorfold as mf
 from mirrorfold.detection.views.image_view import LARGEST_SINE, ImageView
 from mirrorfold.focusing.echoes.coherence import OVERSAMPLING
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.explaining import wrapped
 from mirrorfold.tree.explaining.misplaced import LARGEST_WRAPPING_RATIO, LATE
@@ -90,7 +90,7 @@ def test_a_late_echo_is_left_out_and_a_near_one_stays():
     image = mf.focus(sweep, x=np.linspace(-0.5, 0.5, 251), y=np.linspace(0.2, 0.9, 176))
     with_sweep, alone = (FoldPlan(image, sweep=known).fold() for known in (sweep, None))
     assert (alone["objects"]["x"].values > 0.1).any()
-    shown, every = shown_points(with_sweep), with_sweep["objects"]
+    shown, every = confident_points(with_sweep), with_sweep["objects"]
     np.testing.assert_allclose(shown["x"].values, -0.1, atol=0.01)
     assert shown.sizes["point"]
     # What is left out stays in the file, with the reason.

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arcs import Arc, by_three, in_line
+from mirrorfold.common.arcs import Arc, as_three_points, in_line
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.round_surfaces import RoundSurface
@@ -68,7 +68,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         If the shape is none of these, a number is not finite, or a mirror has no extent or is not flat. The sentence
         begins with `source`.
     """
-    rows = by_three(_rows(mirrors, source))
+    rows = as_three_points(_rows(mirrors, source))
     try:
         places = np.array(rows, dtype=float)
     except (TypeError, ValueError, OverflowError):

@@ -120,7 +120,7 @@ def lay_out(problem: Problem, tolerance: float, remaining_cost: CostFunction | N
 def _part(
     problem: Problem, tx: Index, rx: Index, tolerance: float, remaining_cost: CostFunction, frames: int
 ) -> tuple[Part, Cost]:
-    """Some antennas with the sectors that cost less than the algorithm for the remaining pixels, and the cost of all."""
+    """Some antennas with the sectors that cost less than the algorithm for remaining pixels, and the cost of all."""
     if max(tx.size, rx.size) < 3:
         raise UnsuitedError("two antennas make no line")
     problem = problem.of(tx, rx)

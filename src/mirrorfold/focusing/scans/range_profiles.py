@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.fft import ifft, next_fast_len
 
-from mirrorfold.common.arguments import shown, wrong_kind
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.normalization import RANGE_POWERS, VOLUME_NORMALIZATIONS
@@ -139,7 +139,7 @@ class Profiles:
         if sweep.sizes["frequency"] < 2:
             raise InputError("sweep: has a single frequency, so ranges cannot be told apart; sweep a band")
         if padding < 1 or int(padding) != padding:
-            raise InputError(f"padding is {shown(padding)}, expected a whole number of at least 1")
+            raise InputError(f"padding is {in_message(padding)}, expected a whole number of at least 1")
         frequency = sweep["frequency"].values.astype(float)
         weights = window(settings.taper, frequency.size, "taper")
         size = int(next_fast_len(int(padding) * frequency.size))
@@ -252,7 +252,7 @@ def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalizat
     """
     if normalization not in VOLUME_NORMALIZATIONS:
         raise InputError(
-            f"normalization is {shown(normalization)}, which a raster scan does not have; "
+            f"normalization is {in_message(normalization)}, which a raster scan does not have; "
             f"expected one of {', '.join(VOLUME_NORMALIZATIONS)}"
         )
     if normalization != "beam":

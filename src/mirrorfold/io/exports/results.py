@@ -13,8 +13,8 @@ from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.arguments import one_of, wrong_kind
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.errors import InputError
+from mirrorfold.folding.confident import with_confident_points
 from mirrorfold.folding.frames import pick_frame
-from mirrorfold.folding.shown import confident
 from mirrorfold.io import plans
 from mirrorfold.io.exports import vtk
 from mirrorfold.io.exports.clouds import WRITERS, cloud_file, notes
@@ -73,7 +73,7 @@ def export(
     elif not isinstance(obj, xr.DataTree):
         raise wrong_kind("export", obj, "a reconstruction or an image")
     else:
-        obj = confident(check_reconstruction(obj), min_confidence)
+        obj = with_confident_points(check_reconstruction(obj), min_confidence)
         if suffix == ".vti":
             obj = pick_frame(obj)
             pictures = {"corrected": obj.dataset["intensity"], "initial": obj.children["initial"].dataset["initial"]}

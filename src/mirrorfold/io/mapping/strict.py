@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.common.reading import LARGEST_TEXT, parsed
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import read_bytes
@@ -88,4 +88,4 @@ def _explain(item: Any, fields: list[str]) -> str:
         return f"{place} is missing, add it"
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}"
-    return f"{place} is {shown(item['input'])}, expected {item['msg'].removeprefix('Input should be ')}"
+    return f"{place} is {in_message(item['input'])}, expected {item['msg'].removeprefix('Input should be ')}"

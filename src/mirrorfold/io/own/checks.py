@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import shown, wrong_kind
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import STEP_TOLERANCE
@@ -105,7 +105,7 @@ def check_radar(attrs: Mapping[Any, Any], source: str) -> None:
     for name in ("radar_x", "radar_y", "radar_z"):
         value = attrs.get(name, 0.0)
         if isinstance(value, bool) or np.ndim(value) or unplaced(np.asarray(value)) is not None:
-            raise InputError(f"{source}: attr {name} is {shown(value)}, expected a number of metres")
+            raise InputError(f"{source}: attr {name} is {in_message(value)}, expected a number of metres")
 
 
 def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None:
@@ -130,7 +130,7 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
         values = np.asarray(value)
         number = values.ndim == 0 and values.dtype.kind in "fiu"
         if not number or not values >= least or (np.isinf(values) and name not in ENDLESS):
-            what = f"attr {prefix}{name} is {shown(value)}, expected a number of at least {least:g}"
+            what = f"attr {prefix}{name} is {in_message(value)}, expected a number of at least {least:g}"
             raise InputError(f"{source}: {what}; write it in SI units, or leave it out")
     for name in DIRECTED:
         value = attrs.get(f"{prefix}{name}")
@@ -138,13 +138,15 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
             continue
         values = np.asarray(value)
         if values.shape not in ((2,), (3,)) or values.dtype.kind not in "fiu" or unplaced(values) is not None:
-            raise InputError(f"{source}: attr {prefix}{name} is {shown(value)}, expected two or three numbers")
+            raise InputError(f"{source}: attr {prefix}{name} is {in_message(value)}, expected two or three numbers")
         if name == "array_direction" and not np.linalg.norm(values[:2]) > 0.0:
-            raise InputError(f"{source}: attr {prefix}{name} is {shown(value)}, expected a direction in the plane")
+            raise InputError(f"{source}: attr {prefix}{name} is {in_message(value)}, expected a direction in the plane")
     start, stop = (attrs.get(f"{prefix}frequency_{end}") for end in ("start", "stop"))
     several = (attrs.get(f"{prefix}frequency_points") or 0) > 1
     if start is not None and stop is not None and (start > stop or (several and start == stop)):
-        raise InputError(f"{source}: attr {prefix}frequency_stop is {shown(stop)}, expected more than {shown(start)}")
+        raise InputError(
+            f"{source}: attr {prefix}frequency_stop is {in_message(stop)}, expected more than {in_message(start)}"
+        )
 
 
 def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
@@ -247,7 +249,9 @@ def _check_axes(image: xr.DataArray, source: str) -> None:
     axes = image_axes(image)
     plane = "z" in image.coords and axes == ("y", "x")
     if plane and (image["z"].ndim or unplaced(image["z"].values) is not None):
-        raise InputError(f"{source}: z is {shown(image['z'].values)}, expected the one height of the plane in metres")
+        raise InputError(
+            f"{source}: z is {in_message(image['z'].values)}, expected the one height of the plane in metres"
+        )
     for name in axes:
         if name not in image.coords:
             raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
@@ -285,7 +289,7 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
     kind = reconstruction.attrs.get("mirrorfold_kind")
     if kind != "reconstruction":
         raise InputError(
-            f"{source}: mirrorfold_kind is {shown(kind)}, expected 'reconstruction'; give the result of fold"
+            f"{source}: mirrorfold_kind is {in_message(kind)}, expected 'reconstruction'; give the result of fold"
         )
     nodes = {node.path: node for node in reconstruction.subtree}
     recording = "frame" in reconstruction.dims

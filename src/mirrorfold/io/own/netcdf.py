@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import xarray as xr
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
@@ -79,7 +79,9 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
     if kind == "reconstruction":
         return check_reconstruction(content, source=str(path))
     found = (
-        f"mirrorfold_kind is {shown(kind)}" if kind is not None else f"holds the variables {list(content.data_vars)}"
+        f"mirrorfold_kind is {in_message(kind)}"
+        if kind is not None
+        else f"holds the variables {list(content.data_vars)}"
     )
     raise InputError(f"{path}: {found}, expected a {', a '.join(KINDS[:-1])} or a {KINDS[-1]}; {REMEDY}")
 

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import path_of, shown
+from mirrorfold.common.arguments import in_message, path_of
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.arrangements import fill_matrix, grid_beams
@@ -223,7 +223,7 @@ def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind:
     if parameter is not None:
         known = {name.upper(): name for name in names}
         if parameter.upper() not in known:
-            raise InputError(f"parameter is {shown(parameter)}, and {path} holds {listed(names)}")
+            raise InputError(f"parameter is {in_message(parameter)}, and {path} holds {listed(names)}")
         return known[parameter.upper()]
     if len(names) == 1:
         return names[0]

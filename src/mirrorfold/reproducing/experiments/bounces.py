@@ -15,7 +15,7 @@ import mirrorfold as mf
 from mirrorfold.common.types import Array
 from mirrorfold.describing.planning import Instrument, Plan
 from mirrorfold.focusing.grid import default_grid
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reproducing.findings import Claim, Findings
 from mirrorfold.reproducing.parts.bounces_pages import (
     accuracies,
@@ -187,7 +187,7 @@ def _scores(reconstruction: xr.DataTree, scene: Scene, bounces: int) -> Row:
     """Of the target and of the walls in their order."""
     score = mf.score(reconstruction, scene, bounces=bounces)
     target = score.surfaces["target"]
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     mine = points.isel(point=(points["bounces"].values == bounces) & (points["surface"].values == "object"))
     off = _distances(np.column_stack([mine["x"], mine["y"]]), scene)
     off = off[off < APART]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting import volumes as plot_volume
 from mirrorfold.plotting.axes import outer_edges
 from mirrorfold.plotting.outlines import covered
@@ -148,7 +148,7 @@ def judge(seen: xr.DataTree, without: xr.DataTree, scene: Scene3D, body: Folded,
         bodies.arm_angles(body.place[body.of("mannequin")], view),
         bodies.arm_angles(body.shown("mannequin"), view),
     )
-    walls = shown_points(seen)
+    walls = confident_points(seen)
     walls = walls.isel(point=(walls["surface"].values == "mirror") & (walls["bounces"].values == 0))
     bright = 10.0 * np.log10(np.mean(walls["amplitude"].values.astype(float) ** 2))
     arms = np.abs(np.array(found) - np.array(true))

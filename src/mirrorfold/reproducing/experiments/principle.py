@@ -10,7 +10,7 @@ import xarray as xr
 import mirrorfold as mf
 from mirrorfold.common.geometry import Isometry, segment_normal
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.scenes import plan_scene
 from mirrorfold.reproducing.work import Work
@@ -43,7 +43,7 @@ def run(work: Work) -> Findings:
         scene = _scene(walls, points=work.size(401, 301))
         reconstruction = mf.reconstruct(work.sweep(scene))
         work.step(number, 2)
-        points = shown_points(reconstruction)
+        points = confident_points(reconstruction)
         for chain, way in list(FOLDS.items())[: number + 1]:
             seen = _of_post(points, chain)
             before, after = _distances(seen, chain)

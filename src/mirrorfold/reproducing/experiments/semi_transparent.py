@@ -18,7 +18,7 @@ from mirrorfold.benchmarking.methods import OWN
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.scenes import random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
@@ -130,7 +130,7 @@ def _judged(scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Seq
             image, own = image.sel(polarization="TE", drop=True), own.sel(polarization="TE", drop=True)
         found = OWN[method if method in OWN else "ours"](image, own)
         score = mf.score(found, scene)
-        told = behind(shown_points(found), scene)
+        told = behind(confident_points(found), scene)
         row: dict[str, Any] = {
             "seed": seed, "snr_db": snr, "method": method,
             "f_cells": float(score.f_score_cells or 0.0), "hidden_f_cells": float(score.hidden.f_score_cells or 0.0),

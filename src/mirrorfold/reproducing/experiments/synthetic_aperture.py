@@ -19,7 +19,7 @@ from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import segment_normal, unit
 from mirrorfold.common.types import Array
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.scenes import shipped_plan
@@ -88,7 +88,7 @@ def run(work: Work) -> Findings:
                 "calibration": (_calibration_figure(images), "The same image before and after the "
                                 "positions were calibrated with the sphere."),
             }  # fmt: skip
-            parts["points"] = xr.DataTree(shown_points(reconstruction))
+            parts["points"] = xr.DataTree(confident_points(reconstruction))
         else:
             rows.append(work.kept(partial(_draw, truth, drawn, ideal, sphere)))
         work.step(number + 1, draws)
@@ -238,7 +238,7 @@ def _judged(reconstruction: xr.DataTree, usual: xr.DataTree, truth: Scene) -> di
                 "deeper_m": float((0.5 * (first + last) - start) @ inward),
             }
             break
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     points = points.isel(point=(points["chain"].values == "0") & (points["surface"].values == "object"))
     behind = (np.column_stack([points["x_initial"], points["y_initial"]]) - start) @ inward > BEYOND
     found |= {

@@ -13,7 +13,7 @@ import xarray as xr
 import mirrorfold as mf
 from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.ghosts import Ghost, Identified, ghosts_of, identified, surface_of
 from mirrorfold.reproducing.parts.walls import (
@@ -137,7 +137,7 @@ def _lines(reconstruction: xr.DataTree) -> dict[str, Array]:
 
 def _echoes(reconstruction: xr.DataTree, chain: str) -> xr.Dataset:
     """The echoes of objects that hang directly below a node."""
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     return points.isel(point=(points["chain"].values == chain) & (points["surface"].values == "object"))
 
 

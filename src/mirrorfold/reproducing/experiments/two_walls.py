@@ -13,7 +13,7 @@ from scipy.constants import speed_of_light
 import mirrorfold as mf
 from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table, Verdict
 from mirrorfold.reproducing.parts.ghosts import Identified, Shown, identified, objects_shown, way_name
 from mirrorfold.reproducing.parts.steps import steps
@@ -97,7 +97,7 @@ def run(work: Work) -> Findings:
         data[case.key] = xr.DataTree.from_dict(
             {
                 "/": xr.Dataset({name: image.drop_attrs() for name, image in images.items()}),
-                "/objects": shown_points(case.reconstruction).rename(x="x_folded", y="y_folded"),
+                "/objects": confident_points(case.reconstruction).rename(x="x_folded", y="y_folded"),
                 "/mirrors": case.reconstruction.children["mirrors"].to_dataset(inherit=False),
             }
         )
@@ -182,7 +182,7 @@ def _numbers(case: Case) -> dict[str, Number]:
         if seen:
             found[f"objects_by_{name}_ghost_error_m"] = max(one.ghost_error for one in seen)
     found["third_generation_walls"] = sum(one.generation == 3 for one in of_walls)
-    found["third_generation_echoes"] = int((shown_points(case.reconstruction)["bounces"].values >= 3).sum())
+    found["third_generation_echoes"] = int((confident_points(case.reconstruction)["bounces"].values >= 3).sum())
     found["accuracy_m"] = score.accuracy_m
     found["f_score_2cm"], found["f_score_cells"] = score.f_score_2cm, score.f_score_cells
     found["hidden_f_score_2cm"], found["hidden_f_score_cells"] = score.hidden.f_score_2cm, score.hidden.f_score_cells

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.geometry import Isometry, segment_normal
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import CHORD, SHORTEST_MIRROR, STRAIGHT, facets, seen_by_way
 from mirrorfold.scoring.cells import point_cells
@@ -260,7 +260,7 @@ def objects_shown(reconstruction: xr.DataTree, scene: Scene, generations: int, c
     cell_of_range : (2,) array
         Size of a resolution cell in range [m], and across per metre of range.
     """
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     ways = {(*(face.name for face in one.way), one.face.name): one.chain for one in identified(reconstruction, scene)
             if one.face is not None and one.way is not None}  # fmt: skip
     expected = [one for one in ghosts_of(scene, generations) if one.way]

@@ -18,9 +18,9 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import find_echoes, see, usual_settings
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.folding import FoldSettings
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.pictures import Grid, draw
 from mirrorfold.folding.points import fold_back, owned_blobs
-from mirrorfold.folding.shown import shown_points
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.rounds import find_tree
@@ -95,7 +95,7 @@ def walls_of(reconstruction: xr.DataTree) -> list[Wall]:
 
 def hidden_points(reconstruction: xr.DataTree) -> xr.Dataset:
     """The points that were seen by way of a mirror: of objects, and on the faces of further mirrors."""
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     return points.isel(point=points["bounces"].values > 0)
 
 

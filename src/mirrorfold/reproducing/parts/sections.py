@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from mirrorfold.common.decibels import TRUTH_COLOUR, decibels
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import outer_edges
 from mirrorfold.plotting.outlines import cut
 from mirrorfold.reproducing.parts.bodies import Facing
@@ -89,7 +89,7 @@ class Sections:
 
 def sections(volume: xr.DataArray, reconstruction: xr.DataTree, view: Facing, wall: Wall, *, level: float) -> Sections:
     """Sections through a body at a height [m] and through its middle; the radar stands in the origin."""
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     before = np.stack([points[f"{axis}_initial"].values for axis in "xy"], axis=-1)
     after = np.stack([points[axis].values for axis in "xy"], axis=-1)
     low = np.minimum(before.min(axis=0), after.min(axis=0)) - BORDER

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 import mirrorfold as mf
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,7 +73,7 @@ def draw_example(example: dict[str, xr.DataTree], scene: Scene) -> Figure:
             aspect="equal", interpolation="nearest",
         )  # fmt: skip
         mf.plot.scene(scene, below)
-        points = shown_points(example[name])
+        points = confident_points(example[name])
         below.scatter(points["x"], points["y"], s=9, color="#d95f02", zorder=3, label="folded points")
         above.set_title(name)
         below.set_aspect("equal")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WITHIN_CELLS
@@ -30,7 +30,7 @@ def stated_errors(reconstruction: xr.DataTree, scene: Scene) -> dict[str, list[f
         if mirror.angle_error_deg is not None and mirror.offset_error_mm is not None:
             angle.append(mirror.angle_error_deg / float(found["folded_angle_error"][row]))
             offset.append(1e-3 * mirror.offset_error_mm / float(found["folded_offset_error"][row]))
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     points = points.isel(point=(points["bounces"].values > 0) & (points["surface"].values == "object"))
     place = np.column_stack([points["x"], points["y"]])
     truth = floor_plans.truth(scene)

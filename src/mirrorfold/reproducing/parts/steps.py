@@ -17,7 +17,7 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import TRUTH_COLOUR, bounce_label
 from mirrorfold.common.geometry import Isometry, segment_normal
 from mirrorfold.common.types import Array
-from mirrorfold.folding.shown import shown_points
+from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import Extent, colour_of, draw_radar, halo, mirror_lines, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.scoring.cells import point_cells
@@ -69,7 +69,7 @@ def folded_down_to(reconstruction: xr.DataTree, generation: int, extent: Extent)
     extent : (x0, x1, y0, y1) [m]
     """
     initial = reconstruction.children["initial"].dataset["initial"]
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     place = np.column_stack([points["x_initial"], points["y_initial"]])
     cell = point_cells(points, reconstruction.attrs)
     assert cell is not None  # the image was focused from a sweep
@@ -144,7 +144,7 @@ def _image(ax: Axes, image: xr.DataArray, title: str, number: int) -> None:
 
 def _points(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
     """The objects, folded down to that generation."""
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     points = points.isel(point=points["surface"].values == "object")
     folds, bounces = partial_folds(reconstruction, generation), points["bounces"].values
     initial = np.column_stack([points["x_initial"], points["y_initial"]])
@@ -166,7 +166,7 @@ def _mirrors(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
 
 def _legend(reconstruction: xr.DataTree, deepest: int) -> list[Line2D | Patch]:
     """Colours of mirrors, objects and shadows by the number of bounces."""
-    points = shown_points(reconstruction)
+    points = confident_points(reconstruction)
     counts = np.unique(points["bounces"].values[points["surface"].values == "object"])
     lines = [Line2D([], [], color=colour_of(n), linewidth=3.0, label=f"mirror, generation {n + 1}")
              for n in range(deepest)]  # fmt: skip

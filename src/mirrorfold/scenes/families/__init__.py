@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeVar
 
-from mirrorfold.common.arguments import shown, wrong_kind
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.families import curved, glass, raster, raster_round, raster_studs, rays, wave_mirrors, waves
 from mirrorfold.scenes.families.drawing import scene_of
@@ -56,7 +56,7 @@ def draw(family: str | Family, seed: int = 0, *, radar: str | Radar | None = Non
     """
     chosen = family if isinstance(family, Family) else family_named(family)
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise InputError(f"seed is {shown(seed)}, expected a whole number of at least 0")
+        raise InputError(f"seed is {in_message(seed)}, expected a whole number of at least 0")
     if radar is None:
         return scene_of(chosen, seed, radars_of(chosen)[0])
     seen_by = radar if isinstance(radar, Radar) else radar_named(radar)
@@ -92,7 +92,7 @@ def _named(what: str, name: str, known: Mapping[str, Named]) -> Named:
     for candidate, found in known.items():
         if _plain(candidate) == _plain(name):
             return found
-    raise InputError(f"{what} is {shown(name)}, expected one of: {', '.join(known)}")
+    raise InputError(f"{what} is {in_message(name)}, expected one of: {', '.join(known)}")
 
 
 def _plain(name: str) -> str:

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.arguments import number, shown, whole_number, wrong_kind
+from mirrorfold.common.arguments import in_message, number, whole_number, wrong_kind
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -91,7 +91,7 @@ def near_field(
     count = len(truth.array.tx_position)
     source = count // 2 if source is None else whole_number("source", source)
     if source >= count:
-        raise InputError(f"source is {shown(source)}, expected the number of a transmitter, from 0 to {count - 1}")
+        raise InputError(f"source is {in_message(source)}, expected the number of a transmitter, from 0 to {count - 1}")
     # The upper end of the band determines the spacing of the nodes, and the frequency at which skeletons are chosen.
     band = Band(start=0.5 * frequency, stop=frequency, points=2)
     k = 2.0 * math.pi * frequency / speed_of_light

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
-from mirrorfold.common.arguments import shown
+from mirrorfold.common.arguments import in_message
 from mirrorfold.common.memory import available_memory
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -96,7 +96,7 @@ def prepare(
     """
     if not TOLERANCES[0] <= tolerance <= TOLERANCES[1]:
         raise InputError(
-            f"tolerance is {shown(tolerance)}, expected a number from {TOLERANCES[0]:g} to {TOLERANCES[1]:g}"
+            f"tolerance is {in_message(tolerance)}, expected a number from {TOLERANCES[0]:g} to {TOLERANCES[1]:g}"
         )
     if not scene.surface:
         raise InputError(f"scene {scene.name!r}: there is nothing to simulate, it has no surfaces; add one")

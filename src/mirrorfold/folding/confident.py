@@ -10,7 +10,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.folding.settings import FoldSettings
 
 
-def shown_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.Dataset:
+def confident_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.Dataset:
     """Points of at least `min_confidence`, by default that of the fold settings: they are drawn, scored and exported.
 
     In files of earlier versions, the confidence is no probability: by default, all their points count.
@@ -37,8 +37,8 @@ def passed_walls(objects: xr.Dataset) -> Mask:
     return np.asarray(objects["wall"].values.astype(str) != "")
 
 
-def confident(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:
-    """A copy of the reconstruction that holds only its `shown_points`."""
+def with_confident_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:
+    """A copy of the reconstruction that holds only its `confident_points`."""
     kept = reconstruction.copy()
-    kept["/objects"] = xr.DataTree(shown_points(reconstruction, min_confidence))
+    kept["/objects"] = xr.DataTree(confident_points(reconstruction, min_confidence))
     return kept
