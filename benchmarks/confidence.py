@@ -88,7 +88,7 @@ def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
     engines = sorted({points.engine for points in sets})
 
     def loss(weights: Array, parts: list[tuple[Array, Array]], spread: Array) -> float:
-        odds = [(evidence @ weights) * np.where(true, -1.0, 1.0) for evidence, true in parts]
+        odds = [(values @ weights) * np.where(true, -1.0, 1.0) for values, true in parts]
         return float(sum(np.mean(np.logaddexp(0.0, each)) for each in odds) + 1e-3 * np.sum((weights * spread) ** 2))
 
     found = {}
@@ -96,11 +96,11 @@ def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
         parts = []
         for engine in engines:
             chosen = [(p.features[p.kind == kind], p.true[p.kind == kind]) for p in sets if p.engine == engine]
-            evidence_, true = map(np.concatenate, zip(*chosen, strict=True))
+            chosen_features, true = map(np.concatenate, zip(*chosen, strict=True))
             if true.size:
-                parts.append((np.nan_to_num(evidence_[:, :columns]), true))
+                parts.append((np.nan_to_num(chosen_features[:, :columns]), true))
         if parts:
-            spread = np.std(np.concatenate([evidence_ for evidence_, _ in parts]), axis=0)
+            spread = np.std(np.concatenate([chosen_features for chosen_features, _ in parts]), axis=0)
             found[name] = np.round(minimize(loss, np.zeros(columns), args=(parts, spread)).x, 2).tolist()
     return {**(WEIGHTS if columns == 4 else WEIGHTS_MEASURED), **found}
 
