@@ -14,7 +14,7 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.detection import find_echoes, see
-from mirrorfold.detection.mirrors.mirror import WayFold
+from mirrorfold.detection.mirrors.mirror import ChainFold
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.round_sheets import find_round_sheets, fitted
 
@@ -161,7 +161,7 @@ def test_map_takes_the_image_of_a_point_back_to_it(kind):
     length = before + np.linalg.norm(points - places, axis=1)
     image = radar + (length / before)[:, None] * (places - radar)
     mirror = RoundMirror(places, np.ones(1, bool), shape, radar)
-    fold = WayFold([mirror])
+    fold = ChainFold([mirror])
     assert_allclose(fold(image), points, atol=1e-9)
     # Thin pencils grow as the map stretches what is square to the line of sight.
     stretched = np.linalg.svd(fold.turn(image), compute_uv=False)

@@ -48,9 +48,9 @@ def test_a_mirror_behind_another_is_seen_through_it(view):
     order, _ = ordered(view, [FAR, NEAR], opaque=False)
     assert order.mirrors == [FAR, NEAR]
     assert_array_equal(order.sight.parent, [1, ROOT])
-    assert order.way(0) == (NEAR, FAR)
-    assert order.way(1) == (NEAR,)
-    assert order.way(ROOT) == order.way(UNSEEN) == ()
+    assert order.mirrors_to(0) == (NEAR, FAR)
+    assert order.mirrors_to(1) == (NEAR,)
+    assert order.mirrors_to(ROOT) == order.mirrors_to(UNSEEN) == ()
 
 
 def test_a_face_is_shown_by_what_shows_its_mirror(view):

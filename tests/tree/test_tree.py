@@ -118,9 +118,9 @@ def test_a_tree_tells_what_it_holds(periscope_tree):
         assert plain["line"]["offset_error_m"] == node.line.offset_error
         assert plain["objects"] == node.objects.range.size
     assert plain["mirrors"] == []
-    ways = tree.ways()
-    assert [len(ways[node.chain]) for node in nodes] == [0, 1, 2, 3]
-    assert all(one is node.line for one, node in zip(ways[0, 0, 0], nodes[1:], strict=True))
+    by_chain = tree.mirrors_by_chain()
+    assert [len(by_chain[node.chain]) for node in nodes] == [0, 1, 2, 3]
+    assert all(one is node.line for one, node in zip(by_chain[0, 0, 0], nodes[1:], strict=True))
 
 
 def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):

@@ -131,7 +131,7 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
     waves, is added back.
     """
     level = np.zeros(len(points.initial))
-    for chain, way in tree.ways().items():
+    for chain, way in tree.mirrors_by_chain().items():
         name = chain_name(chain)
         face, own = points.amplitude[points.mirror == name], (points.chain == name) & (points.mirror == "")
         if way and face.size and own.any():
@@ -191,14 +191,14 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
     variance = (OWN_ERROR * view.range_cell) ** 2 * along
     variance += ((OWN_ERROR * view.cross_cell(points.initial)) ** 2)[:, None, None] * across
     mirror_variance = np.zeros_like(variance)
-    ways = tree.ways()
-    for chain, way in ways.items():
+    by_chain = tree.mirrors_by_chain()
+    for chain, way in by_chain.items():
         if way:
             on_it, mirror = points.mirror == chain_name(chain), way[-1]
             normal = mirror.facing(points.initial[on_it])[1]
             flat = np.eye(dimensions) - np.einsum("ni,nj->nij", normal, normal)
             variance[on_it] = flat @ variance[on_it] @ flat + mirror.displacement_covariance(points.initial[on_it])
-    for chain, way in ways.items():
+    for chain, way in by_chain.items():
         seen = points.chain == chain_name(chain)
         turn = turns(folds[chain], points.initial[seen])
         variance[seen] = turn @ variance[seen] @ np.swapaxes(turn, -1, -2)

@@ -14,7 +14,7 @@ from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.mirrors.mirror import Fold, WayFold, fold_of
+from mirrorfold.detection.mirrors.mirror import ChainFold, Fold, fold_of
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
@@ -128,12 +128,12 @@ def draw(
     arcs = [
         (index, way)
         for index, fold in chains.items()
-        if isinstance(fold, WayFold) and isinstance(view, ImageView) and (way := _bent(fold, view)) is not None
+        if isinstance(fold, ChainFold) and isinstance(view, ImageView) and (way := _bent(fold, view)) is not None
     ]
     round_ones = [
         (index, *box, met)
         for index, fold in chains.items()
-        if isinstance(fold, WayFold)
+        if isinstance(fold, ChainFold)
         and isinstance(view, VolumeView)
         and (met := _round(fold)) is not None
         and (box := _boxed(fold, view, blobs == index, (x, y, height))) is not None
@@ -154,7 +154,7 @@ def draw(
     return out[..., 0] if columns else np.moveaxis(out, -1, 0)
 
 
-def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
+def _bent(fold: ChainFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
     """Arguments of `draw_bent_row` for an arc: `unfold`, `column`, `place`, `heading` and `before`.
 
     None if the last mirror of the chain is no arc, or one before it is curved, too.
@@ -175,7 +175,7 @@ def _bent(fold: WayFold, view: ImageView) -> tuple[Array, Index, Array, Array, A
     return unfold, column, place, heading, range_[column]
 
 
-def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
+def _round(fold: ChainFold) -> tuple[Array, Array, Array, float, Array] | None:
     """Arguments of `draw_round_row` for a cylinder or sphere: `unfold`, `middle`, `axis`, `radius` and `radar`.
 
     None if the last mirror of the chain is neither, or one before it is curved, too.
@@ -188,7 +188,7 @@ def _round(fold: WayFold) -> tuple[Array, Array, Array, float, Array] | None:
     return unfold, mirror.shape.middle, mirror.shape.axis, mirror.shape.radius, mirror.radar
 
 
-def _boxed(fold: WayFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
+def _boxed(fold: ChainFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
     """Slices along x, y and z of the voxels that hold all samples that a chain folds, marked in `shown` (directions,
     ranges); None if there are no such samples.
     """

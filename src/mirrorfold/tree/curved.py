@@ -57,8 +57,8 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     view : View
     """
     sight, echoes = found.sight, found.echoes
-    ways = found.tree.ways()
-    lines = {index: ways[chain][-1] for index, chain in enumerate(sight.chain) if chain}
+    by_chain = found.tree.mirrors_by_chain()
+    lines = {index: by_chain[chain][-1] for index, chain in enumerate(sight.chain) if chain}
     own = sight.seen_through(echoes.range, echoes.direction)
     if lines:
         numbers = np.array(list(lines))
@@ -66,12 +66,12 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
         on_it = face >= 0
         own = own.copy()
         own[on_it] = sight.parent[numbers[face[on_it]]]
-    curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in ways[chain])]
+    curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in by_chain[chain])]
     own[np.isin(own, curved)] = UNSEEN
     return find_curved_rows(view, echoes, own)
 
 
 def without_bent(order: Order) -> list[Mirror] | None:
     """The mirrors that are not seen by way of a curved one; None if no mirror is."""
-    bent = [any(mirror.curved for mirror in order.way(index)[:-1]) for index in range(len(order.mirrors))]
+    bent = [any(mirror.curved for mirror in order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
     return [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent] if any(bent) else None

@@ -202,12 +202,12 @@ def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
 
     Left out are echoes seen by way of flat mirrors that are pieces of the rows: they were folded to wrong places.
     """
-    folds, ways = found.tree.folds(), found.tree.ways()
+    folds, by_chain = found.tree.folds(), found.tree.mirrors_by_chain()
     parts = [np.empty((0, view.dimensions))]
     for node in found.tree.walk():
-        for way, echoes in ((node.chain, node.objects), (node.chain[:-1], node.face)):
-            if not any(_along(mirror, row, view) for mirror in ways[way] for row in rows):
-                parts.append(folds[way](echoes.position))
+        for chain, echoes in ((node.chain, node.objects), (node.chain[:-1], node.face)):
+            if not any(_along(mirror, row, view) for mirror in by_chain[chain] for row in rows):
+                parts.append(folds[chain](echoes.position))
     return np.concatenate(parts)
 
 
@@ -221,8 +221,12 @@ def _along(mirror: Mirror, row: Mirror, view: View) -> bool:
 def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: EvidenceSelector = behind) -> Evidence:
     """The evidence for a row that was tried as a mirror in `found`; `known` (n, d) [m] are places known before."""
     sight, echoes = found.sight, found.echoes
-    ways = found.tree.ways()
-    own = [(index, ways[chain]) for index, chain in enumerate(sight.chain) if chain and _part_of(ways[chain][-1], row)]
+    by_chain = found.tree.mirrors_by_chain()
+    own = [
+        (index, by_chain[chain])
+        for index, chain in enumerate(sight.chain)
+        if chain and _part_of(by_chain[chain][-1], row)
+    ]
     cells, empty, shows = 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)

@@ -56,9 +56,9 @@ class MirrorTree:
         parents, up to the root.
         """
         dimensions = self.objects.position.shape[1]
-        return {chain: fold_of(way, dimensions) for chain, way in self.ways().items()}
+        return {chain: fold_of(way, dimensions) for chain, way in self.mirrors_by_chain().items()}
 
-    def ways(self) -> dict[Chain, tuple[Mirror, ...]]:
+    def mirrors_by_chain(self) -> dict[Chain, tuple[Mirror, ...]]:
         """For the chain of every node of this tree: the mirrors of the chain, the node's own mirror last."""
         result: dict[Chain, tuple[Mirror, ...]] = {(): ()}
         for node in self.walk():
@@ -73,7 +73,7 @@ class MirrorTree:
         of all mirrors on the way add to a mirror's own; they are independent, and their squares add.
         """
         result: dict[Chain, tuple[float, float]] = {}
-        for chain, (*way, line) in ((chain, way) for chain, way in self.ways().items() if way):
+        for chain, (*way, line) in ((chain, way) for chain, way in self.mirrors_by_chain().items() if way):
             angle = line.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
             covariance, normal = place_covariance(line.center[None], way)[0], line.normal
             for mirror in reversed(way):

@@ -52,11 +52,11 @@ class Order:
         """Which mirrors are images of the radar's own antennas in another mirror, (mirrors,)."""
         view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
         for index, mirror in enumerate(self.mirrors):
-            place = fold_of(self.way(self.sight.parent[index]), view.dimensions)(mirror.center)
+            place = fold_of(self.mirrors_to(self.sight.parent[index]), view.dimensions)(mirror.center)
             found[index] = view.on_radar(place[None], ITSELF_CELLS * view.cell_at(mirror.center))[0]
         return found
 
-    def way(self, index: int) -> tuple[Mirror, ...]:
+    def mirrors_to(self, index: int) -> tuple[Mirror, ...]:
         """The mirrors by way of which the radar looks into mirror `index`, this one last; none for `ROOT`."""
         way: tuple[Mirror, ...] = ()
         while index >= 0:
@@ -84,7 +84,7 @@ class Order:
             objects = behind & echoes.strong
             if objects.any():
                 # How much a curved mirror spreads the wave is known from its shape, and does not count as loss.
-                gain = dimming(self.way(mirror), echoes.position)
+                gain = dimming(self.mirrors_to(mirror), echoes.position)
                 level = echoes.amplitude * gain
                 reference = reference_echo(brightest_of(number[objects], level[objects]))
                 limit[behind] = (min(reference / echoes.reference, 1.0) * echoes.threshold / gain)[behind]

@@ -73,12 +73,12 @@ def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
 def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
     """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror."""
     sight, echoes = found.sight, found.echoes
-    ways = found.tree.ways()
-    known = [ways[chain][-1] for chain in sight.chain if chain]
+    by_chain = found.tree.mirrors_by_chain()
+    known = [by_chain[chain][-1] for chain in sight.chain if chain]
     loose = faces(known, view, echoes, 0.0, unseen=UNSEEN, root=ROOT) == ROOT
     own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
     rows = list[Mirror]()
-    for way in np.unique(own[own >= ROOT]):
-        if way == ROOT or not any(mirror.curved for mirror in ways[sight.chain[way]]):
-            rows += find_lines(echoes.take(own == way), view, minimum_length=shortest)
+    for index in np.unique(own[own >= ROOT]):
+        if index == ROOT or not any(mirror.curved for mirror in by_chain[sight.chain[index]]):
+            rows += find_lines(echoes.take(own == index), view, minimum_length=shortest)
     return [row for row in rows if row.fill >= SMALLEST_FILL]

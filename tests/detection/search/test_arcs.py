@@ -16,7 +16,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.mirrors.mirror import WayFold, fold_of
+from mirrorfold.detection.mirrors.mirror import ChainFold, fold_of
 from mirrorfold.detection.search.arcs import find_arcs
 from mirrorfold.detection.views.image_view import ImageView
 
@@ -52,7 +52,7 @@ def test_map_is_the_law_of_reflection_at_the_place_that_is_met(arc: ArcMirror) -
 
 def test_width_of_the_pencil_is_the_derivative_of_the_map() -> None:
     for arc, image in ((PILLAR, np.array([0.55, 1.9])), (BAY, np.array([1.1, 2.0]))):
-        fold = WayFold([arc])
+        fold = ChainFold([arc])
         range_ = np.linalg.norm(image)
         step = 1e-6 * np.array([-image[1], image[0]])
         moved = np.linalg.norm(fold(image + step) - fold(image - step)) / (2e-6 * range_)

@@ -131,7 +131,7 @@ def gone_on(*walls):
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings, known=np.array(walls))
     longer = prolonged_where_hidden(found)
-    assert longer.keys() == found.tree.ways().keys()
+    assert longer.keys() == found.tree.mirrors_by_chain().keys()
     ends = [way[-1].ends for way in longer.values() if way and np.ptp(way[-1].ends[:, 1]) == 0.0]
     return max(ends, key=lambda ends: ends[0, 1])
 

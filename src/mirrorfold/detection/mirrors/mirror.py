@@ -186,7 +186,7 @@ class Mirror(ABC):
         return np.asarray((points - self.center) @ self.inward(view))
 
 
-class WayFold:
+class ChainFold:
     """The map from the image to the true place, for echoes seen by way of mirrors of which at least one is curved.
 
     Each line of sight has an isometry of its own: its echoes are reflected by the tangents that this same line of sight
@@ -220,14 +220,14 @@ class WayFold:
         return np.stack([(self(points + step) - self(points - step)) / (2.0 * self.STEP) for step in steps], axis=2)
 
 
-Fold = Isometry | WayFold
+Fold = Isometry | ChainFold
 """A map from the image to true places."""
 
 
 def fold_of(way: Sequence[Mirror], dimensions: int) -> Fold:
     """The map from the image to the true place for echoes seen by way of mirrors, of which the nearest comes first."""
     if any(mirror.curved for mirror in way):
-        return WayFold(way)
+        return ChainFold(way)
     fold = Isometry.identity(dimensions)
     for mirror in way:
         fold = fold @ mirror.reflection
@@ -236,7 +236,7 @@ def fold_of(way: Sequence[Mirror], dimensions: int) -> Fold:
 
 def turns(fold: Fold, points: Array) -> Array:
     """Derivative of a map at points (n, d): (n, d, d), or (d, d) where it is the same everywhere."""
-    return fold.turn(points) if isinstance(fold, WayFold) else fold.linear
+    return fold.turn(points) if isinstance(fold, ChainFold) else fold.linear
 
 
 def evidence(echoes: Echoes, view: View) -> Echoes:

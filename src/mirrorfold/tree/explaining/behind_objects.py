@@ -50,11 +50,11 @@ def behind_objects(found: Found, view: View) -> dict[Chain, Mask]:
     found : Found
     view : View
     """
-    ways, folds = found.tree.ways(), found.tree.folds()
+    by_chain, folds = found.tree.mirrors_by_chain(), found.tree.folds()
     behind = {node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()}
     if not isinstance(view, ImageView):
         return behind
-    flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in ways[node.chain])]
+    flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in by_chain[node.chain])]
     for generation in {node.generation for node in flat if node.chain and len(node.objects)}:
         before = [node for node in flat if node.generation <= generation]
         surfaces = _surfaces(
@@ -63,7 +63,7 @@ def behind_objects(found: Found, view: View) -> dict[Chain, Mask]:
             np.concatenate([view.cell(node.objects.range) for node in before]),
         )
         for node in (node for node in before if node.generation == generation):
-            legs, objects = last_leg(node.objects, ways[node.chain], view), node.objects
+            legs, objects = last_leg(node.objects, by_chain[node.chain], view), node.objects
             behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, np.asarray(view.cell(objects.range)))
     return behind
 

@@ -41,13 +41,13 @@ wall may go on."""
 
 
 def prolonged_where_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
-    """`MirrorTree.ways`, with straight mirrors prolonged beyond their ends as far as objects hide the places there."""
-    sight, ways = found.sight, found.tree.ways()
+    """`MirrorTree.mirrors_by_chain`, with straight mirrors prolonged beyond their ends where objects hide the places."""
+    sight, by_chain = found.sight, found.tree.mirrors_by_chain()
     for index, chain in enumerate(sight.chain):
-        if chain and isinstance(last := ways[chain][-1], LineMirror):
+        if chain and isinstance(last := by_chain[chain][-1], LineMirror):
             first, end = (_hidden(last, side, sight, int(sight.parent[index])) for side in (-1.0, 1.0))
-            ways[chain] = (*ways[chain][:-1], last.part(-first, last.length + end))
-    return ways
+            by_chain[chain] = (*by_chain[chain][:-1], last.part(-first, last.length + end))
+    return by_chain
 
 
 def flat_objects(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
@@ -77,21 +77,21 @@ def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> 
     return float(steps[first - 1]) if first else 0.0
 
 
-def behind_walls(echoes: Echoes, chain: Chain, ways: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
+def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
     """Which of the echoes that are seen by way of a chain of mirrors would stand behind another known wall, (n,).
 
     Parameters
     ----------
     echoes : Echoes
     chain : tuple of int
-    ways : mapping of chain to tuple of Mirror
+    by_chain : mapping of chain to tuple of Mirror
         The mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
     view : View
     """
-    behind, way = np.zeros(len(echoes), dtype=bool), ways[chain]
+    behind, way = np.zeros(len(echoes), dtype=bool), by_chain[chain]
     if not len(echoes) or any(mirror.curved for mirror in way):
         return behind
-    others = [other for name, other in ways.items() if name != chain]
+    others = [other for name, other in by_chain.items() if name != chain]
     return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
 
 

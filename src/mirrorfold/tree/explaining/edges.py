@@ -46,6 +46,6 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             number = object_numbers(view, echoes.range[own], echoes.direction[own])
             reaches_on = np.bincount(number, weights=~beside) > 0.0
             moved = own[~reaches_on[number]]
-            fold = fold_of(order.way(mirror), view.dimensions)
+            fold = fold_of(order.mirrors_to(mirror), view.dimensions)
             owner[moved[~sight.contradicted(echoes.take(moved), fold)]] = mirror
     return owner

@@ -39,10 +39,10 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
     bent : sequence of Mirror
         Curved rows of echoes that were not proved to be mirrors.
     """
-    ways, longer = found.tree.ways(), prolonged_where_hidden(found) | flat_objects(found)
+    by_chain, longer = found.tree.mirrors_by_chain(), prolonged_where_hidden(found) | flat_objects(found)
     turned_back = to_and_fro(found, view)
     causes = (
-        (LATE, lambda node: late_edges(node.objects, ways, view)),
+        (LATE, lambda node: late_edges(node.objects, by_chain, view)),
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
         (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
         (TO_AND_FRO, lambda node: turned_back[node.chain]),

@@ -35,7 +35,7 @@ FADED_DB = 3.0
 """An echo may be this much stronger than an earlier one of its series: a series fades, but speckle varies."""
 
 
-def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
+def late_edges(echoes: Echoes, by_chain: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
     """Which echoes are late echoes of the edges of known walls, (n,); none in a volume, or without an ambiguous range.
 
     The brightest echo of an object decides for all of its echoes. All earlier echoes of the series that lie within the
@@ -45,14 +45,14 @@ def late_edges(echoes: Echoes, ways: Mapping[Chain, tuple[Mirror, ...]], view: V
     ----------
     echoes : Echoes
         Object echoes by way of one chain of mirrors, or in line of sight.
-    ways : mapping of chain to tuple of Mirror
-        The mirrors of each chain, as `MirrorTree.ways` returns them. Curved ones are not tested.
+    by_chain : mapping of chain to tuple of Mirror
+        The mirrors of each chain, as `MirrorTree.mirrors_by_chain` returns them. Curved ones are not tested.
     view : View
     """
     found = np.zeros(len(echoes), dtype=bool)
     if not isinstance(view, ImageView) or not np.isfinite(view.ambiguous) or not len(echoes):
         return found
-    walls, image = [true_ends(way) for way in strongest_flat(ways.values())], _Brightest(view)
+    walls, image = [true_ends(way) for way in strongest_flat(by_chain.values())], _Brightest(view)
     # The image has amplified a late echo by its apparent range; here, by its true range, as the earlier echoes are.
     level = echoes.amplitude * ((echoes.range + view.ambiguous) / echoes.range) ** view.power
     level *= 10.0 ** (-FADED_DB / 20.0)

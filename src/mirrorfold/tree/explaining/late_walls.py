@@ -58,8 +58,8 @@ def from_late_walls(order: Order, echoes: Echoes) -> Mask:
     found, view = np.zeros(len(echoes), dtype=bool), order.sight.view
     if not isinstance(view, ImageView) or not np.isfinite(view.ambiguous):
         return found
-    ways = [order.way(index) for index in range(len(order.mirrors))]
-    walls = [(true_ends(way), way[-1].strength) for way in strongest_flat(ways)]
+    chains = [order.mirrors_to(index) for index in range(len(order.mirrors))]
+    walls = [(true_ends(way), way[-1].strength) for way in strongest_flat(chains)]
     faded = (echoes.range / (echoes.range + view.ambiguous)) ** view.power
     aside = round(ACROSS_CELLS * view.u_cell / view.du)
     beside = np.clip(echoes.direction + np.arange(-aside, aside + 1)[:, None], 0, len(view.sight) - 1)

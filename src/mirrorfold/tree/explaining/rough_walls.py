@@ -53,16 +53,16 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
     if not isinstance(view, ImageView):
         return found
     shown_by = order.shown_by(echoes)
-    flat = {index: true_ends(order.way(index)) for index, wall in enumerate(order.mirrors) if not wall.curved}
+    flat = {index: true_ends(order.mirrors_to(index)) for index, wall in enumerate(order.mirrors) if not wall.curved}
     objects = _objects(order, echoes)
     for rough, parent in enumerate(sight.parent):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
-        if not face.size or any(mirror.curved for mirror in order.way(rough)):
+        if not face.size or any(mirror.curved for mirror in order.mirrors_to(rough)):
             continue
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (shown_by == rough) & np.isfinite(begin)
         own = np.flatnonzero(own & (echoes.amplitude <= np.quantile(face, BRIGHT)))
-        surface = _Surface(view, sight.crossing[rough], fold_of(order.way(int(parent)), view.dimensions))
+        surface = _Surface(view, sight.crossing[rough], fold_of(order.mirrors_to(int(parent)), view.dimensions))
         seen = echoes.take(own)
         for other, wall in flat.items():
             if other != rough:
@@ -93,22 +93,22 @@ class _Surface:
         """Index into `directions` and `places` for the direction of each echo, (n,)."""
         return np.searchsorted(self.directions, echoes.direction)
 
-    def way(self, echoes: Echoes) -> Array:
+    def depth_behind(self, echoes: Echoes) -> Array:
         """Distance of each echo behind the wall along its line of sight, (n,) [m]."""
         return np.asarray(echoes.range - self.crossing[echoes.direction])
 
-    def usual(self, way: Array, counts: Mask) -> Array:
+    def median_amplitude(self, depth: Array, counts: Mask) -> Array:
         """Median amplitude of the image at given distances behind places of the wall, (m,); infinite without places.
 
         Parameters
         ----------
-        way : (directions, m) array [m]
+        depth : (directions, m) array [m]
             The distance behind each place, along its line of sight.
         counts : (directions, m) or (directions, 1) bool array
             Which places count.
         """
         view, half = self.view, round(EXPECTED_CELLS * self.view.range_cell / self.view.dr)
-        row = np.rint((self.crossing[self.directions, None] + way - view.range[0]) / view.dr).astype(np.intp)
+        row = np.rint((self.crossing[self.directions, None] + depth - view.range[0]) / view.dr).astype(np.intp)
         rows = row[..., None] + np.arange(-half, half + 1)
         inside = (rows >= 0) & (rows < view.range.size)
         shown = view.amplitude[np.where(inside, rows, 0), self.directions[:, None, None]]
@@ -129,7 +129,7 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
     distance, beyond = square_distances(rough.places, wall)
     at, off = rough.of(echoes), EXPECTED_CELLS * rough.view.range_cell
     before = beyond[at] <= rough.view.cell(echoes.range)
-    return np.asarray(before & (np.abs(distance[at] - rough.way(echoes)) <= off))
+    return np.asarray(before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off))
 
 
 def _of_objects(
@@ -144,20 +144,21 @@ def _of_objects(
     image = _image(order, number, objects)
     nearest, apart = np.linalg.norm(image - view.radar, axis=1), APART_CELLS * view.range_cell
     distance = np.linalg.norm(rough.places[:, None] - objects, axis=2)
-    found = np.abs(distance[rough.of(echoes)] - rough.way(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
+    found = np.abs(distance[rough.of(echoes)] - rough.depth_behind(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
     beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
     later = echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
     found &= later | (beside & (echoes.range[:, None] >= nearest))
     found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
-    most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * rough.usual(distance[:, some], far)
+    usual = rough.median_amplitude(distance[:, some], far)
+    most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * usual
     return np.asarray((found[:, some] & (echoes.amplitude[:, None] <= most)).any(axis=1))
 
 
 def _image(order: Order, mirror: int, places: Array) -> Array:
     """Where true places (n, 2) [m] appear in the image by way of a flat mirror, (n, 2) [m]."""
-    for step in order.way(mirror):
+    for step in order.mirrors_to(mirror):
         places = step.reflection.inverse(places)
     return places
 
@@ -171,6 +172,6 @@ def _objects(order: Order, echoes: Echoes) -> tuple[Array, Array]:
     places, levels = [np.empty((0, view.dimensions))], [np.empty(0)]
     for index in np.unique(through[through != UNSEEN]):
         seen = objects.take(through == index)
-        places.append(fold_of(order.way(int(index)), view.dimensions)(seen.position))
+        places.append(fold_of(order.mirrors_to(int(index)), view.dimensions)(seen.position))
         levels.append(seen.amplitude)
     return np.concatenate(places), np.concatenate(levels)

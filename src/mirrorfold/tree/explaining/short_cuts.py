@@ -48,14 +48,14 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
     objects = np.flatnonzero(echoes.strong & (order.face < 0) & (through >= 0))
     objects = objects[view.brightest(echoes.position[objects], echoes.amplitude[objects])]
     for last in np.unique(through[objects]):
-        way = order.way(int(last))
+        way = order.mirrors_to(int(last))
         if any(mirror.curved for mirror in way):
             continue
         bright = echoes.take(objects[through[objects] == last])
         places = fold_of(way, view.dimensions)(bright.position)
         rough = int(sight.parent[last])
         while rough >= 0:
-            before = fold_of(order.way(int(sight.parent[rough])), view.dimensions)
+            before = fold_of(order.mirrors_to(int(sight.parent[rough])), view.dimensions)
             crossing = sight.crossing[rough, echoes.direction]
             met = before(view.points(np.where(np.isfinite(crossing), crossing, np.nan), echoes.direction))
             found |= (echoes.range > crossing) & _by(met, crossing, view, echoes, bright, places)

@@ -46,14 +46,14 @@ def to_and_fro(found: Found, view: View) -> dict[Chain, Mask]:
     found : Found
     view : View
     """
-    sight, ways, folds = found.sight, found.tree.ways(), found.tree.folds()
+    sight, by_chain, folds = found.sight, found.tree.mirrors_by_chain(), found.tree.folds()
     objects = {node.chain: node.objects for node in found.tree.walk()}
     marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
     if not isinstance(view, ImageView):
         return marks
     stands = np.concatenate([folds[chain](echoes.position) for chain, echoes in objects.items()])
     level = np.concatenate([_brightest(echoes, view) for echoes in objects.values()])
-    flat = {chain: way for chain, way in ways.items() if not any(mirror.curved for mirror in way)}
+    flat = {chain: way for chain, way in by_chain.items() if not any(mirror.curved for mirror in way)}
     walls = [true_ends(way) for way in flat.values() if way]
     number = {(): ROOT} | {chain: index for index, chain in enumerate(sight.chain) if chain}
     for chain, way in flat.items():

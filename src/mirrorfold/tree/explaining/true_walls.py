@@ -19,19 +19,19 @@ BEYOND = 1.0
 MOST_WALLS = 16
 """Number of the strongest walls that are used in pairs: the time grows with its square."""
 
-Way = tuple[Mirror, ...]
+MirrorChain = tuple[Mirror, ...]
 """The mirrors of a chain, the nearest to the radar first."""
 
 
-def strongest_flat(ways: Iterable[Way]) -> list[Way]:
-    """The ways that end at the strongest walls, the strongest first, among those without a curved mirror."""
-    flat = (way for way in ways if way and not any(mirror.curved for mirror in way))
-    return sorted(flat, key=lambda way: -way[-1].strength)[:MOST_WALLS]
+def strongest_flat(chains: Iterable[MirrorChain]) -> list[MirrorChain]:
+    """The chains that end at the strongest walls, the strongest first, among those without a curved mirror."""
+    flat = (chain for chain in chains if chain and not any(mirror.curved for mirror in chain))
+    return sorted(flat, key=lambda chain: -chain[-1].strength)[:MOST_WALLS]
 
 
-def true_ends(way: Way) -> Array:
-    """True places of the ends of the last mirror of a way, (2, d) [m]."""
-    *before, wall = way
+def true_ends(chain: MirrorChain) -> Array:
+    """True places of the ends of the last mirror of a chain, (2, d) [m]."""
+    *before, wall = chain
     return fold_of(before, wall.ends.shape[1])(wall.ends)
 
 

@@ -57,12 +57,12 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
     """
     if any(node.line is not None and node.line.curved for node in found.tree.walk()):
         return found
-    folds, ways = found.tree.folds(), prolonged_where_hidden(found)
+    folds, by_chain = found.tree.folds(), prolonged_where_hidden(found)
     transparent_walls = []
     for node in found.tree.mirrors:
         if node.line is None or not len(node.objects):
             continue
-        passed = passage(found, view, node, folds, ways)
+        passed = passage(found, view, node, folds, by_chain)
         through = passed > UNDECIDED
         if through.any():
             seen = node.objects.take(through)
@@ -75,7 +75,11 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
 
 
 def passage(
-    found: Found, view: View, node: MirrorTree, folds: Mapping[Chain, Fold], ways: Mapping[Chain, tuple[Mirror, ...]]
+    found: Found,
+    view: View,
+    node: MirrorTree,
+    folds: Mapping[Chain, Fold],
+    by_chain: Mapping[Chain, tuple[Mirror, ...]],
 ) -> Array:
     """Probability that each object echo of `node`, behind its wall, passed through the wall, (n,)."""
     echoes, chain = node.objects, node.chain
@@ -83,7 +87,7 @@ def passage(
     others = [other for other in found.tree.walk() if other is not node]
     # An object behind the wall is seen there by chains that do not begin with the wall.
     around = [other for other in others if other.chain and other.chain[: len(chain)] != chain]
-    there = _shown(view, echoes.position, [_seen_around(other, ways, ways[chain], view) for other in around])
+    there = _shown(view, echoes.position, [_seen_around(other, by_chain, by_chain[chain], view) for other in around])
     mirrored = _shown(view, folded, [folds[other.chain](other.objects.position) for other in others])
     number = object_numbers(view, echoes.range, echoes.direction)
     # An object that is seen at both places decides nothing.
@@ -93,13 +97,13 @@ def passage(
 
 
 def _seen_around(
-    node: MirrorTree, ways: Mapping[Chain, tuple[Mirror, ...]], wall: tuple[Mirror, ...], view: View
+    node: MirrorTree, by_chain: Mapping[Chain, tuple[Mirror, ...]], wall: tuple[Mirror, ...], view: View
 ) -> Array:
     """True places of the objects of a node, without those whose path meets a wall on its last leg, (n, d) [m].
 
     Those are left out because every mirror that shows the wall also shows, behind it, the objects that it reflects.
     """
-    leaves, stands = last_leg(node.objects, ways[node.chain], view)
+    leaves, stands = last_leg(node.objects, by_chain[node.chain], view)
     return stands[~met_by([wall], leaves, stands, np.asarray(view.cell(node.objects.range)))]
 
 
