@@ -65,16 +65,16 @@ def points_of(task: Task) -> Points:
     view = see(mf.focus(sweep, tolerance=1e-3))
     echoes = find_echoes(view)
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
-    told = measured_by_sweep(sweep)(view)
-    found = find_tree(view, echoes, settings, measured=told)
-    points = with_confocal_shares(fold_back(found.tree), told.share)
+    measured = measured_by_sweep(sweep)(view)
+    found = find_tree(view, echoes, settings, measured=measured)
+    points = with_confocal_shares(fold_back(found.tree), measured.confocal_share)
     count = len(points.position)
     confidence = with_confidence(points, found).confidence[:count]
-    _, astray = errors(points, found.tree, view)
+    _, mirror_error = errors(points, found.tree, view)
     cell = view.cell(np.linalg.norm(points.initial - view.radar, axis=1))
     distance = floor_plans.truth(scene).distances(points.position)[0] if count else np.zeros(0)
     given = (
-        features(points, view, astray, over_faces(points, found.tree)),
+        features(points, view, mirror_error, over_faces(points, found.tree)),
         weight_rows(points),
         points.bounces,
         confidence,

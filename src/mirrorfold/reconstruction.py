@@ -274,7 +274,7 @@ class FoldPlan:
         report(2, 3)
         points = fold_back(found.tree, view, found.transparent_walls)
         if not settings.published:
-            points = with_confidence(points, found, measured.share)
+            points = with_confidence(points, found, measured.confocal_share)
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
         result = collect(self.image, found, points, settings, grid=grid, given=given_count)

@@ -9,7 +9,7 @@ import pytest
 from synthetic import diffuse, radar_view, together
 
 from mirrorfold.detection import find_echoes, find_mirrors, finding
-from mirrorfold.detection.finding import remembering
+from mirrorfold.detection.finding import with_cache
 
 
 def lines(mirrors):
@@ -31,7 +31,7 @@ def test_the_same_question_is_answered_once_and_any_other_anew(seen, monkeypatch
         return find_mirrors(view, echoes, **options)
 
     monkeypatch.setattr(finding, "find_mirrors", counted)
-    find = remembering()
+    find = with_cache()
     hidden = replace(echoes, visible=echoes.position[:, 0] < 0.6)
     questions = [
         (echoes, {}), (echoes, {"minimum_length": 0.3}), (hidden, {"minimum_length": 0.3}),
@@ -51,7 +51,7 @@ def test_the_same_question_is_answered_once_and_any_other_anew(seen, monkeypatch
 
 def test_given_mirrors_are_never_remembered(seen):
     view, echoes = seen
-    find = remembering()
+    find = with_cache()
     for start in (-0.5, -0.4):
         given = np.array([[[start, 1.2], [0.5, 1.3]]])
         assert find(view, echoes, known=given)[0].ends[0, 0] == pytest.approx(start, abs=0.02)

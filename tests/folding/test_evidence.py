@@ -16,9 +16,9 @@ from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import fold_of
 from mirrorfold.folding.confidence import (
     EXPLAINED,
+    LARGEST_MIRROR_ERROR,
     LEAST_OVER_FACE_DB,
     LEAST_SHARE,
-    MOST_ASTRAY,
     MOST_EXCESS_DB,
     NEIGHBOUR_CELLS,
     OWN_ERROR,
@@ -71,7 +71,7 @@ def test_evidence_counts_level_and_filled_cells_of_the_same_kind_nearby(view):
     # From end to end are four cells: those see two, the middle one all three.
     assert NEIGHBOUR_CELLS == 2.5
     assert_allclose(2.0 ** given[:, 2], [2, 3, 2, 2, 1, 1])
-    assert_allclose(given[:, 3], [0.0, 1.0, 2.0, 3.0, MOST_ASTRAY, MOST_ASTRAY])
+    assert_allclose(given[:, 3], [0.0, 1.0, 2.0, 3.0, LARGEST_MIRROR_ERROR, LARGEST_MIRROR_ERROR])
     assert np.isnan(given[:, 4]).all()
     assert_allclose(given[:, 5], [-20.0, -20.0, -10.0, 0.0, 10.0, 10.0])
 
@@ -146,7 +146,7 @@ def test_what_speaks_for_a_point_makes_it_likelier(weights):
         assert expit(weak) < 0.15 or name == "on mirrors"
         assert not share or share[0] > 0.0 or name == "on mirrors"
         # Behind a mirror that is hardly known even the best echo proves little.
-        assert name == "in line of sight" or expit(strong + MOST_ASTRAY * slopes[2]) < 0.5 * expit(strong)
+        assert name == "in line of sight" or expit(strong + LARGEST_MIRROR_ERROR * slopes[2]) < 0.5 * expit(strong)
 
 
 def test_what_two_mirrors_show_is_no_likelier_than_either(view):
@@ -172,7 +172,7 @@ def test_an_echo_is_known_to_a_part_of_its_cell_and_turned_as_it_is_folded(view)
     ahead, mirrored, on_it = [0.0, 1.5], [0.0, 2.0], [-0.2, 1.0]
     found = found_of(view, [ahead, [1.2, 0.0]], [mirrored], [on_it], mirror=slanted)
     points = fold_back(found.tree)
-    error, astray = errors(points, found.tree, view)
+    error, mirror_error = errors(points, found.tree, view)
     own = OWN_ERROR * np.array([U_CELL * 1.5, RANGE_CELL])
     assert_allclose(error[0], own)
     assert error[1, 0] == pytest.approx(OWN_ERROR * RANGE_CELL)
@@ -184,7 +184,7 @@ def test_an_echo_is_known_to_a_part_of_its_cell_and_turned_as_it_is_folded(view)
     part = np.hypot(RANGE_CELL * (sight @ along),
                     float(view.cross_cell(np.array([on_it]))[0]) * (sight @ [along[1], -along[0]]))  # fmt: skip
     assert_allclose(error[3], OWN_ERROR * part / np.sqrt(2.0))
-    assert_allclose(astray, 0.0, atol=1e-12)
+    assert_allclose(mirror_error, 0.0, atol=1e-12)
 
 
 def test_the_cell_of_an_echo_is_mapped_as_its_surroundings_are(view):
@@ -215,8 +215,8 @@ def test_a_mirror_leads_astray_by_twice_its_offset(view):
     """In resolution cells of where the echo stood; a point on it keeps the mirror's own error."""
     wall = replace(WALL, angle_error=0.0, offset_error=0.01)
     found = found_of(view, [0.8, 0.8], [0.0, 1.6], [0.0, 1.0], mirror=wall)
-    error, astray = errors(fold_back(found.tree), found.tree, view)
-    assert_allclose(astray, [0.0, 0.02 / float(view.cell(1.6)), 0.0])
+    error, mirror_error = errors(fold_back(found.tree), found.tree, view)
+    assert_allclose(mirror_error, [0.0, 0.02 / float(view.cell(1.6)), 0.0])
     assert error[1, 1] == pytest.approx(np.hypot(0.02, OWN_ERROR * RANGE_CELL))
     assert error[2, 1] == pytest.approx(0.01)
 

@@ -20,7 +20,7 @@ from mirrorfold.tree.lines_of_sight import (
     Cover,
     LinesOfSight,
     hidden_at,
-    itself,
+    images_of_radar,
     through_at,
 )
 
@@ -140,5 +140,5 @@ def test_what_folds_to_the_antennas_is_the_radar_itself(view):
     reach = ITSELF_CELLS * float(known.cell(3.0))
     places = np.array([[0.0, 3.0], [0.0, 3.0 - 0.95 * reach], [0.0, 3.0 - 1.05 * reach], [0.5, 3.0]])
     echoes = replace(echoes_at(known, places), range=np.full(4, 3.0))
-    assert_array_equal(itself(known, echoes, WALL.reflection), [True, True, False, False])
-    assert not itself(view, echoes, WALL.reflection).any()  # of an image of unknown origin
+    assert_array_equal(images_of_radar(known, echoes, WALL.reflection), [True, True, False, False])
+    assert not images_of_radar(view, echoes, WALL.reflection).any()  # of an image of unknown origin

@@ -239,4 +239,4 @@ def test_the_radar_sees_itself_at_twice_the_distance_of_a_mirror(view):
     known = replace(view, wavelength=1e-3)
     for mirror, itself in ((own, True), (other, False)):
         order, _ = ordered(known, [NEAR, mirror], opaque=False, minimum_length=0.01)
-        assert_array_equal(order.itself(), [False, itself])
+        assert_array_equal(order.images_of_radar(), [False, itself])

@@ -125,7 +125,7 @@ def find_mirrors(
         return find(echoes, view, minimum_length=length, tested=tested)
 
 
-def remembering() -> Finder:
+def with_cache() -> Finder:
     """`find_mirrors` for one view with a cache of its results: the rounds of steps 2 to 4 often repeat a search."""
     answers: dict[bytes, Sequence[Mirror]] = {}
 

@@ -31,7 +31,7 @@ TRUE_CELLS = 1.5
 NEIGHBOUR_CELLS = 2.5
 """Echoes of one surface follow each other within this many resolution cells: speckle tears gaps of one cell."""
 
-MOST_EXCESS_DB, MOST_ASTRAY = 20.0, 4.0
+MOST_EXCESS_DB, LARGEST_MIRROR_ERROR = 20.0, 4.0
 """Upper limits of two features: larger levels over the threshold [dB], and larger errors of the place by mirrors, in
 resolution cells, count as these."""
 
@@ -86,8 +86,8 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
     view = found.sight.view
     if shares is not None:
         points = with_confocal_shares(points, shares)
-    error, astray = errors(points, found.tree, view)
-    values = features(points, view, astray, over_faces(points, found.tree))
+    error, mirror_error = errors(points, found.tree, view)
+    values = features(points, view, mirror_error, over_faces(points, found.tree))
     rows = weight_rows(points)
     seen, with_share = (np.array(list(weights.values()))[rows] for weights in (WEIGHTS, WEIGHTS_MEASURED))
     unmeasured = np.sum(values[:, : seen.shape[1]] * seen, axis=1)
@@ -139,13 +139,13 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
     return level
 
 
-def features(points: Points, view: View, astray: Array, over_face: Array) -> Array:
+def features(points: Points, view: View, mirror_error: Array, over_face: Array) -> Array:
     """The features of each point that speak for or against it, (n, 6).
 
     The columns are: (0) one; (1) the level over what the echo had to exceed [dB]; (2) the logarithm to base 2 of the
     number of resolution cells nearby, its own included, that hold points of the same chain and face; (3) the error of
-    the place by the errors of mirrors, `astray`, in resolution cells; (4) the mean share of the energy in those cells
-    that came back the way it went, NaN where it is not known; (5) the level over the face of the mirror [dB].
+    the place by the errors of mirrors, `mirror_error`, in resolution cells; (4) the mean share of the energy in those
+    cells that came back the way it went, NaN where it is not known; (5) the level over the face of the mirror [dB].
     """
     cells, count, share = view.in_cells(points.initial), np.ones(len(points.initial)), points.confocal.copy()
     kind = np.unique(np.char.add(np.char.add(points.chain, "|"), points.mirror), return_inverse=True)[1].ravel()
@@ -154,8 +154,9 @@ def features(points: Points, view: View, astray: Array, over_face: Array) -> Arr
         count[own], share[own] = _neighbours(cells[own], share[own])
     excess = to_db(points.amplitude / np.maximum(points.exceeded, np.finfo(float).tiny))
     return np.column_stack([
-        np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count), np.minimum(astray, MOST_ASTRAY),
-        np.maximum(share, LEAST_SHARE), np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB),
+        np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count),
+        np.minimum(mirror_error, LARGEST_MIRROR_ERROR), np.maximum(share, LEAST_SHARE),
+        np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB),
     ])  # fmt: skip
 
 
@@ -203,8 +204,8 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
         turn = turns(folds[chain], points.initial[seen])
         variance[seen] = turn @ variance[seen] @ np.swapaxes(turn, -1, -2)
         mirror_variance[seen] = place_covariance(points.initial[seen], way)
-    astray = np.sqrt(np.trace(mirror_variance, axis1=1, axis2=2)) / np.asarray(view.cell(range_))
-    return np.sqrt(np.einsum("nii->ni", variance + mirror_variance)), astray
+    mirror_error = np.sqrt(np.trace(mirror_variance, axis1=1, axis2=2)) / np.asarray(view.cell(range_))
+    return np.sqrt(np.einsum("nii->ni", variance + mirror_variance)), mirror_error
 
 
 def _with_ghosts(points: Points, found: Found) -> Points:

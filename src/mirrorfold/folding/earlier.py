@@ -24,8 +24,9 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
-            beside=lambda order, echoes: overhangs,  # those that were kept, whatever mirrors and echoes are asked about
-            share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
+            # Those that were kept, whatever mirrors and echoes are asked about.
+            overhangs=lambda order, echoes: overhangs,
+            confocal_share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
         )
 
     return measure

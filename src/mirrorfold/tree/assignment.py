@@ -11,7 +11,7 @@ from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
 from mirrorfold.tree.explaining.edges import beyond_ends
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, itself
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, images_of_radar
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
@@ -76,7 +76,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
             way = (*way, mirror)
             if opaque:
                 fold = fold_of(way, sight.view.dimensions)
-                objects = objects.take(~sight.contradicted(objects, fold) & ~itself(sight.view, objects, fold))
+                objects = objects.take(~sight.contradicted(objects, fold) & ~images_of_radar(sight.view, objects, fold))
             face = mirror.snapped(sight.view, face)
         below = tuple(node(int(child), (*chain, i), way) for i, child in enumerate(children))
         return MirrorTree(mirror, face, objects, below, chain)
@@ -91,5 +91,5 @@ def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
     through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
     for index, chain in enumerate(sight.chain):
         if chain and (seen := through == index).any():
-            found[seen] = itself(sight.view, echoes.take(seen), folds[chain])
+            found[seen] = images_of_radar(sight.view, echoes.take(seen), folds[chain])
     return found

@@ -16,7 +16,7 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_echoes, remembering
+from mirrorfold.detection.finding import find_echoes, with_cache
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
@@ -61,7 +61,7 @@ def find_every_kind(
     short : bool
         Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
     """
-    find = remembering()
+    find = with_cache()
     full_pass = partial(find_tree, view, settings=settings, measured=measured, find=find)
     found, rows, bent = full_pass(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
     passable = settings.transparent and settings.opaque

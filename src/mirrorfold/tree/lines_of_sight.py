@@ -184,7 +184,7 @@ class LinesOfSight:
         return empty
 
 
-def itself(view: View, echoes: Echoes, fold: Fold) -> Mask:
+def images_of_radar(view: View, echoes: Echoes, fold: Fold) -> Mask:
     """Which echoes fold to the place of the antennas, (n,): they are images of the radar itself in a mirror.
 
     In a mirror that faces it, the radar sees itself at twice the distance of the mirror: where the antennas sit on the

@@ -25,17 +25,17 @@ class Measured:
     explain : callable, optional
         Why each of n echoes does not come from where the image shows it, (n,) str: mixed path, beyond the ambiguous
         range, grating lobe. Empty for echoes that do come from there.
-    beside : callable, optional
+    overhangs : callable, optional
         How far beyond their ends the mirrors of an order are met, from which antennas see past the ends; see
         `half_shadows`.
-    share : callable, optional
+    confocal_share : callable, optional
         Share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that came back the way
         it went, (n,); see `directions.confocal_share`.
     """
 
     explain: Callable[[Echoes], Names] | None = None
-    beside: Callable[[Order, Echoes], Overhangs] | None = None
-    share: Callable[[Array, Array], Array] | None = None
+    overhangs: Callable[[Order, Echoes], Overhangs] | None = None
+    confocal_share: Callable[[Array, Array], Array] | None = None
 
 
 Measurer = Callable[[ImageView], Measured]
@@ -55,8 +55,8 @@ def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
     def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(misplaced, sweep=sweep, view=view, known=tested),
-            beside=partial(half_shadows, sweep=sweep, known=ends),
-            share=partial(confocal, sweep=sweep, view=view, known=tested),
+            overhangs=partial(half_shadows, sweep=sweep, known=ends),
+            confocal_share=partial(confocal, sweep=sweep, view=view, known=tested),
         )
 
     return measure

@@ -48,7 +48,7 @@ class Order:
     sight: LinesOfSight
     face: Index
 
-    def itself(self) -> Mask:
+    def images_of_radar(self) -> Mask:
         """Which mirrors are images of the radar's own antennas in another mirror, (mirrors,)."""
         view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
         for index, mirror in enumerate(self.mirrors):

@@ -83,8 +83,8 @@ def find_tree(
         go_on()
         echoes = reasons.echoes
         order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
-        if measured.beside is not None and not (told := measured.beside(order, seen)).same(overhangs):
-            overhangs = told
+        if measured.overhangs is not None and not (new := measured.overhangs(order, seen)).same(overhangs):
+            overhangs = new
             order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
         tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
         clear = sight.clear(echoes)
@@ -99,7 +99,8 @@ def find_tree(
         if measured.explain is not None:
             reasons.test(measured.explain, clear)
         searched = known is None and not settings.published
-        blurs = searched and measured.share is not None and reasons.blur(measured.share, clear & (order.face >= 0))
+        share = measured.confocal_share
+        blurs = searched and share is not None and reasons.blur(share, clear & (order.face >= 0))
         if reasons.stays.all() and not blurs:
             break
         walls = None if walls is None else walls[reasons.stays]
@@ -201,7 +202,7 @@ def agreed(
         mirrors = overhangs.on(mirrors, view)
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
         if (
-            known is None and settings.opaque and (own := order.itself()).any()
+            known is None and settings.opaque and (own := order.images_of_radar()).any()
         ):  # the radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)

@@ -14,7 +14,14 @@ from mirrorfold.detection import usual_settings
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.folding import FoldSettings
 from mirrorfold.tree.explaining.behind_walls import prolonged_where_hidden
-from mirrorfold.tree.half_transparent.guessed import GUESS, UNDECIDED, _shown, _told, guess_transparent, passage
+from mirrorfold.tree.half_transparent.guessed import (
+    GUESS,
+    UNDECIDED,
+    _of_marked_objects,
+    _shown,
+    guess_transparent,
+    passage,
+)
 from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.rounds import find_tree
@@ -112,7 +119,7 @@ def test_so_many_cells_of_an_object_tell_of_all_its_echoes(cells, expected):
     echoes = SimpleNamespace(position=np.arange(10.0)[:, None] // np.array([2.0]))
     number = np.repeat([0, 1], [8, 2])
     told = echoes.position[:, 0] < cells
-    np.testing.assert_array_equal(_told(number, told, view, echoes), (number == 0) & expected)
+    np.testing.assert_array_equal(_of_marked_objects(number, told, view, echoes), (number == 0) & expected)
 
 
 def test_places_are_the_same_up_to_a_cell_and_a_half_there():

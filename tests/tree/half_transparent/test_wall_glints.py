@@ -8,7 +8,7 @@ import pytest
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane
 from mirrorfold.tree.half_transparent.transparent import EVIDENCE
-from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls, measured
+from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls, measured_pane
 
 K = 2.0 * np.pi * np.linspace(117e9, 127e9, 15) / 299792458.0
 TAPER = np.cos(np.pi * np.linspace(-0.42, 0.42, 15)) ** 2
@@ -50,7 +50,7 @@ def echoes(eps, thickness, *, rms_height=80e-6, seed=0, passed=PASSED, rough=(),
 )
 def test_permittivity_and_thickness_of_walls_of_several_materials(eps, thickness):
     glints = echoes(eps, thickness, rough=(4, 5))
-    pane = measured(glints, NOTHING)
+    pane = measured_pane(glints, NOTHING)
     assert pane.permittivity.real == pytest.approx(eps.real, rel=0.03)
     assert pane.thickness == pytest.approx(thickness, rel=0.02)
     assert abs(pane.permittivity.real - eps.real) < 3.0 * pane.permittivity_error + 0.005 * eps.real
@@ -64,7 +64,7 @@ def test_permittivity_and_thickness_of_walls_of_several_materials(eps, thickness
 def test_a_wall_that_absorbs_is_as_uncertain_as_it_is(seed):
     """Little of its back is seen: another turn of the phase between its faces is as likely, and the error says so."""
     eps, thickness = 6.4 - 0.3j, 5e-3
-    pane = measured(echoes(eps, thickness, rough=(4, 5), seed=seed), NOTHING)
+    pane = measured_pane(echoes(eps, thickness, rough=(4, 5), seed=seed), NOTHING)
     assert pane.permittivity.real == pytest.approx(eps.real, rel=0.03)
     assert abs(pane.thickness - thickness) < 3.0 * pane.thickness_error
 
@@ -82,12 +82,12 @@ def test_a_wall_of_the_wrong_material_or_thickness_does_not_fit():
 def test_where_nothing_passed_there_is_no_evidence_that_anything_did():
     for seed in range(3):
         glints = echoes(5.79 - 0.17j, 6e-3, passed=np.zeros(ANGLE.size, dtype=bool), rough=(1, 6), seed=seed)
-        assert measured(glints, NOTHING).evidence < EVIDENCE
+        assert measured_pane(glints, NOTHING).evidence < EVIDENCE
 
 
 @pytest.mark.slow
 def test_noise_makes_the_wall_less_certain():
-    errors = [measured(echoes(5.79 - 0.17j, 6e-3, snr_db=snr), NOTHING).thickness_error for snr in (20.0, -5.0)]
+    errors = [measured_pane(echoes(5.79 - 0.17j, 6e-3, snr_db=snr), NOTHING).thickness_error for snr in (20.0, -5.0)]
     assert errors[0] < 0.5 * errors[1]
 
 

@@ -48,7 +48,7 @@ class BeamMirror(Mirror):
         """Range [m] at which each beam meets the endless surface, (beams,); not finite where it does not."""
 
     @abstractmethod
-    def shown(self, view: VolumeView, beams: Mask) -> Self:
+    def part_in_beams(self, view: VolumeView, beams: Mask) -> Self:
         """The part of its endless surface that the given beams show."""
 
     @property
@@ -139,7 +139,7 @@ class BeamMirror(Mirror):
                 beams = (regions == number).ravel()
                 if beams.sum() < FEWEST_BEAMS:
                     continue
-                piece = self.shown(view, beams)
+                piece = self.part_in_beams(view, beams)
                 (kept if min(piece.extent) >= 0.5 * smallest else remains).append(piece)
         return (kept, remains) if kept else ([self], [])
 

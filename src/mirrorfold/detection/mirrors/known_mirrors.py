@@ -30,7 +30,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.mirrors.mirror import Mirror, evidence
+from mirrorfold.detection.mirrors.mirror import Mirror, proving_echoes
 from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.views.image_view import ImageView
@@ -208,7 +208,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
         strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0
         if isinstance(view, ImageView) and not len(on_it):
             strength = float(np.sqrt(np.median(view.power_at(*view.to_polar(mirror.places(view))))))
-        fill = mirror.filled(view, evidence(on_it, view))
+        fill = mirror.filled(view, proving_echoes(on_it, view))
         mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))
     return mirrors
 

@@ -239,7 +239,7 @@ def turns(fold: Fold, points: Array) -> Array:
     return fold.turn(points) if isinstance(fold, ChainFold) else fold.linear
 
 
-def evidence(echoes: Echoes, view: View) -> Echoes:
+def proving_echoes(echoes: Echoes, view: View) -> Echoes:
     """Echoes that can prove a mirror: the visible ones; in images, where faint ones form rows by chance, if strong."""
     return echoes.take(echoes.visible & (echoes.strong | (view.dimensions == 3)))
 

@@ -43,7 +43,7 @@ class PlaneMirror(BeamMirror):
         middle = self.center - ((self.center - center) @ normal) * normal
         return replace(self, center=middle, normal=normal * np.sign(normal @ self.normal))
 
-    def shown(self, view: VolumeView, beams: Mask) -> PlaneMirror:
+    def part_in_beams(self, view: VolumeView, beams: Mask) -> PlaneMirror:
         """The part of the plane that the given beams show."""
         points = replace(self, beams=beams).places(view)
         return replace(self, center=points.mean(axis=0), outline=points, beams=beams)

@@ -132,7 +132,7 @@ class RoundMirror(BeamMirror):
         shift = ((center - self.center) @ normal) * normal
         return replace(self, shape=replace(self.shape, middle=self.shape.middle + shift), outline=self.outline + shift)
 
-    def shown(self, view: VolumeView, beams: Mask) -> RoundMirror:
+    def part_in_beams(self, view: VolumeView, beams: Mask) -> RoundMirror:
         """The part of the surface that the given beams show."""
         range_ = self.met(view)
         beams = beams & np.isfinite(range_)

@@ -196,7 +196,7 @@ class _Arcs:
 
     def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
         """Two arcs, fitted together as the halves of one smooth curve; None if they are not, or become implausible."""
-        first, second = self._centres(one), self._centres(other)
+        first, second = self._centroids(one), self._centroids(other)
         halves = None if first is None or second is None else joined((one, other), (first, second), self.view)
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
@@ -204,7 +204,7 @@ class _Arcs:
         """The arc, fitted to the centroids of power with its ends kept; None if it becomes implausible."""
         ends = arc.ends
         for _ in range(ROUNDS):
-            measured = self._centres(arc)
+            measured = self._centroids(arc)
             if measured is None:
                 return None
             points, weight = measured
@@ -312,7 +312,7 @@ class _Arcs:
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
                 return None
-            measured = self._centres(facing)
+            measured = self._centroids(facing)
             if measured is None:
                 return None
             points, weight = measured
@@ -336,7 +336,7 @@ class _Arcs:
         arc = replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         return arc if arc.fill >= SMALLEST_FILL else None
 
-    def _centres(self, arc: ArcMirror) -> tuple[Array, Array] | None:
+    def _centroids(self, arc: ArcMirror) -> tuple[Array, Array] | None:
         """Centroids of power across an arc (n, 2), and their weights (n,); None where there are too few."""
         points, weight = power_centroids(arc, self.view, *LOBE)
         return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
@@ -350,7 +350,7 @@ class _Arcs:
         margin = EXTENDED_CELLS * self.view.cell_at(circle.center)
         wider = circle.part(first - margin, min(last + margin, first - margin + 0.95 * 2.0 * np.pi * circle.radius))
         wider = self._facing(wider) or wider
-        measured = self._centres(wider)
+        measured = self._centroids(wider)
         if measured is None:
             return circle.part(first, last)
         points, weight = measured

@@ -48,7 +48,7 @@ ON_LINE, BESIDE = (-0.3, 0.0, 0.3), (1.5, 2.0, 2.5, 3.0)
 """Distances from the line, in resolution cells across it, at which the amplitude on the line is taken; and at which, on
 either side, that beside it."""
 
-ASTRAY, STEPS = 3.0, 8
+SEARCH_ERRORS, STEPS = 3.0, 8
 """Largest distance at which the faint line is sought from where wall and image say that it is, in standard errors, and
 at most as many resolution cells; and steps per cell. If wall and image are nearly parallel, their crossing is known to
 about a cell."""
@@ -146,7 +146,7 @@ def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
     The weights are ``1 / variance``; only the position changes, not the direction.
     """
     across = float(view.extent(mirror.center[None], mirror.normal)[0])
-    count = int(np.ceil(ASTRAY * min(mirror.offset_error / across, 1.0) * STEPS))
+    count = int(np.ceil(SEARCH_ERRORS * min(mirror.offset_error / across, 1.0) * STEPS))
     cells = (np.arange(-count, count + 1) / STEPS).tolist()
     brightest = across * cells[np.argmax(np.median(_levels(mirror, view, cells), axis=0))]
     line, _ = refined(mirror.moved(mirror.normal, mirror.center + brightest * mirror.normal), view, *LOBE)

@@ -26,7 +26,7 @@ from mirrorfold.detection.views.view import DEVIATION, View
 STEP = 0.1
 """Step of depths, in standard deviations of the cell across the wall; much finer than the profile resolves."""
 
-EVERY = 5
+STEPS_APART = 5
 """Number of steps between the depths at which profiles are compared: half a standard deviation, which shows all that
 the cell resolves."""
 
@@ -60,7 +60,7 @@ FLOOR = 0.01
 INEXACT = 0.05
 """Relative error of profiles, from interpolation and from the change of the cell along a wall."""
 
-ENOUGH = 200
+MOST_SPECKLES = 200
 """Largest number of independent speckles that are used; their error is 7 %. Where a wall shows more, the places are
 used at which the cell is narrowest across the wall, because these resolve its depth best."""
 
@@ -140,7 +140,7 @@ def find_front(mirror: Mirror, view: View) -> Front:
     chosen, independent = _best_resolved(view.extent(places, mirror.normal), along, side, independent)
     spread = DEVIATION * float(np.sqrt(np.mean(view.extent(places[chosen], mirror.normal) ** 2)))
     deepest = min(WALL_CELLS * view.cell_at(mirror.center), WALL_WAVELENGTHS * view.wavelength) / spread
-    depth = np.arange(-BEFORE, min(deepest, THICKEST) + BEYOND, STEP * EVERY)
+    depth = np.arange(-BEFORE, min(deepest, THICKEST) + BEYOND, STEP * STEPS_APART)
     power = mirror.profiles(view, places, np.broadcast_to(spread * depth, (len(places), depth.size)))[1]
     profile, uneven = _mean_profile(power[chosen], along[chosen], side)
     if not profile.any():
@@ -168,7 +168,7 @@ def find_front(mirror: Mirror, view: View) -> Front:
 
 
 def _best_resolved(across: Array, along: Array, side: float, independent: float) -> tuple[Index, float]:
-    """The places at which the cell is narrowest across the wall, without its ends, in at most `ENOUGH` cells.
+    """The places at which the cell is narrowest across the wall, without its ends, in at most `MOST_SPECKLES` cells.
 
     Returns the numbers of these places, and how many independent cells they fill.
     """
@@ -177,8 +177,8 @@ def _best_resolved(across: Array, along: Array, side: float, independent: float)
     inner = np.flatnonzero(np.all((along >= first + end) & (along <= last - end), axis=1))
     inner = inner if inner.size else np.arange(len(across))  # echoes from elsewhere may blur all but its ends
     independent *= inner.size / len(across)
-    count = int(np.ceil(inner.size * min(1.0, ENOUGH / independent)))
-    return np.sort(inner[np.argsort(across[inner], kind="stable")[:count]]), min(independent, ENOUGH)
+    count = int(np.ceil(inner.size * min(1.0, MOST_SPECKLES / independent)))
+    return np.sort(inner[np.argsort(across[inner], kind="stable")[:count]]), min(independent, MOST_SPECKLES)
 
 
 def _mean_profile(power: Array, along: Array, side: float) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from scipy.spatial.distance import cdist
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Mirror, evidence
+from mirrorfold.detection.mirrors.mirror import Mirror, proving_echoes
 from mirrorfold.detection.search.fit import flat
 from mirrorfold.detection.views.view import View
 
@@ -30,7 +30,7 @@ PROPOSALS = 200
 """Number of groups of echoes that propose a line or plane, for each mirror. If a wall holds a third of all echoes, one
 group in ten lies on it, and the probability that none does is ``0.9^200``."""
 
-JUDGES = 1500
+MOST_VOTERS = 1500
 """Largest number of echoes that propose and vote, evenly drawn from all."""
 
 REACH_CELLS = 8.0
@@ -52,7 +52,7 @@ class Search(ABC, Generic[M]):
     Parameters
     ----------
     echoes : Echoes
-        The search takes those that are `evidence`.
+        The search takes the `proving_echoes` among them.
     view : View
     minimum_length : float [m]
         Least length of a mirror, or least width and height.
@@ -71,7 +71,7 @@ class Search(ABC, Generic[M]):
 
     def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool) -> None:
         self.view, self.minimum_length, self.tested = view, minimum_length, tested
-        self.every, self.echoes = echoes, evidence(echoes, view)
+        self.every, self.echoes = echoes, proving_echoes(echoes, view)
         usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
         self.square = view.squares(self.echoes.position)
@@ -182,8 +182,8 @@ class Search(ABC, Generic[M]):
 
 
 def drawn(free: Index) -> Index:
-    """At most `JUDGES` of the numbers (n,) of free echoes, evenly drawn."""
-    return free[np.linspace(0, free.size - 1, min(JUDGES, free.size)).astype(np.intp)]
+    """At most `MOST_VOTERS` of the numbers (n,) of free echoes, evenly drawn."""
+    return free[np.linspace(0, free.size - 1, min(MOST_VOTERS, free.size)).astype(np.intp)]
 
 
 def lies_on(mirror: Mirror, other: Mirror, view: View) -> bool:

@@ -68,7 +68,7 @@ class _Planes(Search[PlaneMirror]):
         beams = largest.ravel() & (self.view.meets(normal, center) <= self.view.range[-1])
         towards = normal * -np.sign((center - self.view.radar) @ normal)
         mirror = PlaneMirror(center, towards, np.empty((0, 3)), beams)
-        return mirror.shown(self.view, beams) if beams.any() else mirror, near[beams[beam]]
+        return mirror.part_in_beams(self.view, beams) if beams.any() else mirror, near[beams[beam]]
 
     def passes(self, mirror: PlaneMirror) -> bool:
         """Whether enough of its beams hold echoes."""
@@ -87,7 +87,7 @@ class _Planes(Search[PlaneMirror]):
         face = replace(mirror, center=mirror.center + front.depth * mirror.normal, depth=max(front.depth, 0.0))
         turned = np.degrees(DEPTH_CHANGE * face.depth / mirror.size)
         angle, offset = np.hypot([mirror.angle_error, mirror.offset_error], [turned, front.error]).tolist()
-        return replace(face, angle_error=angle, offset_error=offset).shown(view, mirror.beams)
+        return replace(face, angle_error=angle, offset_error=offset).part_in_beams(view, mirror.beams)
 
 
 def largest_sheet(beam: Index, shape: tuple[int, ...], *, thinnest: int) -> Mask:

@@ -206,7 +206,8 @@ class _SheetSearch:
             largest = LARGEST_CELLS * np.median(view.cell(echoes.range[member]))
             if not 0.0 < shape.radius < largest:
                 return None, member
-        return self._judged(replace(mirror, shape=shape).shown(view, mirror.beams), member, trust, design), member
+        mirror = replace(mirror, shape=shape).part_in_beams(view, mirror.beams)
+        return self._judged(mirror, member, trust, design), member
 
     def _patch(self, mirror: RoundMirror, near: Index) -> tuple[RoundMirror, Index]:
         """The part of the mirror in the largest connected set of beams that show it, its small gaps closed; and the
@@ -216,7 +217,7 @@ class _SheetSearch:
         beams = largest_sheet(beam, self.view.shape, thinnest=1).ravel()
         if not beams.any():
             return mirror, near[:0]
-        return mirror.shown(self.view, beams), near[beams[beam]]
+        return mirror.part_in_beams(self.view, beams), near[beams[beam]]
 
     def _judged(self, mirror: RoundMirror, member: Index, trust: Array, design: Array) -> RoundMirror | None:
         """The mirror with its standard errors, in all beams that show it; None if it is no round sheet.
@@ -282,12 +283,12 @@ class _SheetSearch:
     def _extended(self, mirror: RoundMirror) -> RoundMirror:
         """The mirror, extended over neighbouring beams that hold its own echoes, however obliquely they meet it."""
         echoes, view = self.echoes, self.view
-        everywhere = mirror.shown(view, np.ones(len(view.sight), bool))
+        everywhere = mirror.part_in_beams(view, np.ones(len(view.sight), bool))
         _, _, across = everywhere.near(view, echoes)
         range_ = everywhere.met(view)[echoes.direction]
         near = np.flatnonzero(np.isfinite(range_) & (np.abs(everywhere.beside(echoes.position)) <= across))
         wider, _ = self._patch(mirror, near) if near.size else (mirror, near)
-        return wider.shown(view, wider.beams | mirror.beams)
+        return wider.part_in_beams(view, wider.beams | mirror.beams)
 
 
 def _through(a: Array, facing_a: Array, b: Array, facing_b: Array, axis: Array) -> RoundSurface | None:

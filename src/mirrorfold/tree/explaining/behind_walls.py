@@ -41,7 +41,7 @@ wall may go on."""
 
 
 def prolonged_where_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
-    """`MirrorTree.mirrors_by_chain`, with straight mirrors prolonged beyond their ends where objects hide the places."""
+    """`MirrorTree.mirrors_by_chain`, with straight mirrors prolonged as far as objects hide what is beyond."""
     sight, by_chain = found.sight, found.tree.mirrors_by_chain()
     for index, chain in enumerate(sight.chain):
         if chain and isinstance(last := by_chain[chain][-1], LineMirror):

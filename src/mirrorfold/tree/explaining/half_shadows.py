@@ -100,8 +100,8 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
         return overhangs
     shown_by = order.shown_by(echoes)
     asked = np.zeros(len(echoes), dtype=bool)
-    told = np.flatnonzero(echoes.visible & echoes.strong)
-    asked[told[view.brightest(echoes.position[told], echoes.amplitude[told])]] = True
+    seen = np.flatnonzero(echoes.visible & echoes.strong)
+    asked[seen[view.brightest(echoes.position[seen], echoes.amplitude[seen])]] = True
     ends, lengths = [overhangs.end], [overhangs.length]
     for index, mirror in enumerate(order.mirrors):
         if not isinstance(mirror, LineMirror):
@@ -110,7 +110,7 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
         behind = mirror.behind(view, echoes.position) > BEHIND_CELLS * view.range_cell
         own = asked & beside & behind & (order.face != index)
         for end, far_end in (mirror.ends, mirror.ends[::-1]):
-            outside, excess = _told(echoes.take(own), view, end, end - far_end, sweep, known)
+            outside, excess = _in_half_shadow(echoes.take(own), view, end, end - far_end, sweep, known)
             reach = 0.5 * view.cell_at(end)
             length = max(_overhang(outside, excess > 0.0, reach), -0.5 * mirror.size)
             if length != 0.0:
@@ -124,7 +124,7 @@ def _beyond(start: Array, places: Array, end: Array, outward: Array) -> Array:
     return crossing(start, places[:, None], end, end + unit(outward))[1]
 
 
-def _told(
+def _in_half_shadow(
     echoes: Echoes, view: ImageView, end: Array, outward: Array, sweep: xr.Dataset, known: Known
 ) -> tuple[Array, Array]:
     """For each echo in the half-shadow of an end that is clearly stronger at one group of antennas: how far beyond the
@@ -132,8 +132,8 @@ def _told(
     """
     tx, rx = (_beyond(antennas[:, :2], echoes.position, end, outward) for antennas in antenna_positions(sweep))
     share = np.stack([(side <= 0.0).mean(axis=1) for side in (tx, rx)])
-    told = ((share >= LEAST_SHARE) & (share <= 1.0 - LEAST_SHARE)).all(axis=0)
-    half = np.flatnonzero(told & (_zones(view, echoes.range, end) >= LEAST_ZONES))
+    inside = ((share >= LEAST_SHARE) & (share <= 1.0 - LEAST_SHARE)).all(axis=0)
+    half = np.flatnonzero(inside & (_zones(view, echoes.range, end) >= LEAST_ZONES))
     range_, u = view.to_polar(echoes.position[half])
     where = [(*place, *np.rint(end / view.range_cell)) for place in zip(range_.tolist(), u.tolist(), strict=True)]
     new = np.array([i for i, place in enumerate(where) if place not in known], dtype=np.intp)

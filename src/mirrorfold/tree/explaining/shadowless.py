@@ -81,6 +81,6 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
         return np.bincount(covering, weights=values, minlength=len(depth)).astype(float)
 
     meets = summed(met)
-    told = (meets >= BEFORE * summed(np.ones(met.size))) & (summed(met & (nearest <= depth[covering])) == 0.0)
-    told &= summed(shown) >= np.maximum(meets * brightest**2, summed(met * usual**2))
-    return np.asarray(told[number])
+    casts_none = (meets >= BEFORE * summed(np.ones(met.size))) & (summed(met & (nearest <= depth[covering])) == 0.0)
+    casts_none &= summed(shown) >= np.maximum(meets * brightest**2, summed(met * usual**2))
+    return np.asarray(casts_none[number])

@@ -91,8 +91,8 @@ def passage(
     mirrored = _shown(view, folded, [folds[other.chain](other.objects.position) for other in others])
     number = object_numbers(view, echoes.range, echoes.direction)
     # An object that is seen at both places decides nothing.
-    passed = _told(number, there & ~mirrored, view, echoes)
-    reflected = _told(number, mirrored & ~there, view, echoes)
+    passed = _of_marked_objects(number, there & ~mirrored, view, echoes)
+    reflected = _of_marked_objects(number, mirrored & ~there, view, echoes)
     return np.select([passed & ~reflected, reflected & ~passed], [GUESS, 1.0 - GUESS], UNDECIDED)
 
 
@@ -107,9 +107,9 @@ def _seen_around(
     return stands[~met_by([wall], leaves, stands, np.asarray(view.cell(node.objects.range)))]
 
 
-def _told(number: Index, told: Mask, view: View, echoes: Echoes) -> Mask:
-    """Which echoes are of objects with enough resolution cells that hold echoes marked `told`, (n,)."""
-    pairs = np.unique(np.stack([number, view.cell_numbers(echoes.position)])[:, told], axis=1)
+def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) -> Mask:
+    """Which echoes are of objects with enough resolution cells that hold `marked` echoes, (n,)."""
+    pairs = np.unique(np.stack([number, view.cell_numbers(echoes.position)])[:, marked], axis=1)
     return np.asarray((np.bincount(pairs[0], minlength=int(number.max(initial=0)) + 1) >= FEWEST)[number])
 
 

@@ -45,14 +45,14 @@ OBJECT_DB, ECHO_DB = 2.0, 1.0
 """Standard deviations of the ratio of TM to TE of objects that a metal mirror shows [dB]: of a ratio that all echoes
 share, and of another one of each echo, for which zero is tried, too."""
 
-SHARED = 3.0
+ECHOES_AS_ONE = 3.0
 """Number of neighbouring echoes that count as one independent echo: the windows that cut them out are six cells long
 and overlap."""
 
-OTHER = 0.02
+OTHER_SHARE = 0.02
 """Share of other echoes, neither reflected nor transmitted, whose pair of amplitudes may be any."""
 
-MOST_ODDS = -np.log(OTHER)
+MOST_ODDS = -np.log(OTHER_SHARE)
 """Largest logarithm of the odds that a single echo may contribute."""
 
 SHARES = 0.05, 0.2, 0.4, 0.6, 0.8, 0.95
@@ -114,7 +114,7 @@ class Pairs:
     @property
     def other(self) -> Array:
         """`log_likelihood` of other echoes, (n,): its mean over all pairs of amplitudes, of a mean misfit of a half."""
-        return np.asarray(np.log(OTHER) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise)))
+        return np.asarray(np.log(OTHER_SHARE) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise)))
 
     def mixed(self, reflected: Array, passed: Array) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, from the misfits (w, n) of
@@ -228,10 +228,10 @@ def find_pane(pairs: Pairs) -> Pane:
     peaks = [_polished(pairs, trials[i], thickness[i]) for i in _peaks(score, trials, thickness)]
     best, height, covariance = max(peaks, key=lambda peak: peak[1])
     # Other walls may be nearly as likely, such as those whose phases differ by whole turns: the errors include these.
-    weight = np.exp((score - score.max()) / SHARED)
+    weight = np.exp((score - score.max()) / ECHOES_AS_ONE)
     real, width = (np.average((tried - at) ** 2, weights=weight) for tried, at in ((trials.real, best[0]),
                                                                                    (thickness, best[2])))  # fmt: skip
-    error = np.sqrt(SHARED * np.diag(covariance)[[0, 2]] + [real, width])
+    error = np.sqrt(ECHOES_AS_ONE * np.diag(covariance)[[0, 2]] + [real, width])
     real, loss, width = best
     eps = complex(real, -real * max(loss, 0.0))
     share = pairs.mixed(*pairs.misfits(np.array([eps]), np.array([width])))[1][0]

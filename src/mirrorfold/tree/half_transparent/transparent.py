@@ -26,7 +26,7 @@ from mirrorfold.detection.views.spectra import independent, spectra, tapers, wav
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
-from mirrorfold.tree.half_transparent.wall_glints import Glints, measured
+from mirrorfold.tree.half_transparent.wall_glints import Glints, measured_pane
 from mirrorfold.tree.lines_of_sight import Cover
 
 EVIDENCE, AGAINST_METAL = 5.0, 15.0
@@ -166,7 +166,7 @@ def look_through(
     glints = None
     if known and view.dimensions == 2:  # in a scan, what a beam meets has a depth of its own, and is no glint
         glints = glints_of(view, images, echoes.take(brightest), pairs)
-        pane = measured(glints, pane)
+        pane = measured_pane(glints, pane)
     if pane.evidence < EVIDENCE:
         return None
     passed = np.full(len(echoes), UNDECIDED)

@@ -28,7 +28,7 @@ from mirrorfold.common.slabs import both_polarizations
 from mirrorfold.common.types import Array
 from mirrorfold.tree.half_transparent.panes import (
     MOST_ODDS,
-    OTHER,
+    OTHER_SHARE,
     PERMITTIVITY,
     THICKEST,
     THINNEST,
@@ -200,11 +200,11 @@ class Glints:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, summed over echoes, (w,); and
         the share of passed echoes that makes it largest, (w,).
         """
-        return best_mixture(*self.likelihoods(walls, powers), np.log(OTHER), lambda each: each @ self.weight)
+        return best_mixture(*self.likelihoods(walls, powers), np.log(OTHER_SHARE), lambda each: each @ self.weight)
 
     def alone(self, walls: Walls) -> Array:
         """The same logarithm if no echo passed: all were reflected, or are others, (w,)."""
-        return np.asarray(np.logaddexp(self.likelihoods(walls)[0], np.log(OTHER)) @ self.weight)
+        return np.asarray(np.logaddexp(self.likelihoods(walls)[0], np.log(OTHER_SHARE)) @ self.weight)
 
     def log_odds(self, pane: Pane) -> Array:
         """Logarithm of the odds that each echo passed through the wall, against reflection, (n,)."""
@@ -276,7 +276,7 @@ class _WallFit:
         return -float(found.fun), found.x
 
 
-def measured(glints: Glints, pane: Pane) -> Pane:
+def measured_pane(glints: Glints, pane: Pane) -> Pane:
     """The wall `pane` as the brightest echoes behind it measure it, with standard errors and evidence.
 
     Walls whose phases differ by whole turns are all tried, and the standard errors include those that are as likely.
