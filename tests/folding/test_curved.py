@@ -13,6 +13,7 @@ import mirrorfold as mf
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.views.image_view import to_image_view
 from mirrorfold.folding.magnification import BEYOND, NEAR, magnified
+from mirrorfold.scenes.families import draw
 from mirrorfold.scoring.cells import point_cells
 
 
@@ -27,12 +28,14 @@ def measured(scene: mf.Scene) -> tuple[xr.DataArray, xr.Dataset]:
     return mf.focus(sweep, tolerance=1e-3), sweep
 
 
-@pytest.mark.slow
-def test_pillar_shows_what_is_hidden_and_keeps_its_radius(
-    scene: mf.Scene, measured: tuple[xr.DataArray, xr.Dataset]
-) -> None:
+@pytest.fixture(scope="module")
+def folded(measured: tuple[xr.DataArray, xr.Dataset]) -> xr.DataTree:
     image, sweep = measured
-    folded = mf.fold(image, sweep=sweep)
+    return mf.fold(image, sweep=sweep)
+
+
+@pytest.mark.slow
+def test_pillar_shows_what_is_hidden_and_keeps_its_radius(scene: mf.Scene, folded: xr.DataTree) -> None:
     mirrors = folded.children["mirrors"].dataset
     bent = mirrors["curvature"].values != 0.0
     assert np.count_nonzero(bent) == 1
@@ -60,11 +63,17 @@ def test_switched_off_the_pillar_is_an_object(scene: mf.Scene, measured: tuple[x
 
 
 @pytest.mark.slow
-def test_what_is_folded_is_saved_loaded_and_scored_in_grown_cells(
-    measured: tuple[xr.DataArray, xr.Dataset], tmp_path: object
-) -> None:
-    image, sweep = measured
-    folded = mf.fold(image, sweep=sweep)
+def test_a_pillar_of_ten_centimetres_shows_what_is_hidden() -> None:
+    """Behind it, cells are wider than the way from known things to hidden ones."""
+    scene = draw("pillar", 624)
+    sweep = mf.simulate(scene, seed=624)
+    score = mf.score(mf.fold(mf.focus(sweep, tolerance=1e-3), sweep=sweep), scene)
+    assert score.hidden.f_score_cells is not None
+    assert score.hidden.f_score_cells > 0.9
+
+
+@pytest.mark.slow
+def test_what_is_folded_is_saved_loaded_and_scored_in_grown_cells(folded: xr.DataTree, tmp_path: object) -> None:
     mf.save(folded, f"{tmp_path}/folded.nc")
     again = mf.load(f"{tmp_path}/folded.nc")
     objects = again.children["objects"].dataset

@@ -134,23 +134,47 @@ SHOWN = np.array([[0.0, 1.5], [0.05, 1.9], [-0.1, 1.9], [0.1, 2.3]])
 def test_evidence_counts_cells_that_show_what_is_new(view):
     true = fold_of([PILLAR], 2)(SHOWN)
     found = found_with(view, [PILLAR], [*SHOWN, SHOWN[0], [0.7, 0.9], [0.0, 1.02]])
-    assert evidence_of(found, view, PILLAR, np.empty((0, 2))) == Evidence(4, 4, 0.0)
+    assert evidence_of(found, view, PILLAR, np.empty((0, 2))) == Evidence(4, 4, 0.0, 0, 4)
     # Known is what is near in cells as wide as the mirror leaves them.
     width = np.abs(PILLAR.spread(SHOWN)[0]) * view.cross_cell(SHOWN)
     reach = KNOWN_CELLS * np.hypot(RANGE_CELL, width)
     for factor, new in ((0.99, 2), (1.01, 4)):
         known = true[:2] + factor * reach[:2, None] * np.array([0.6, -0.8])
-        assert evidence_of(found, view, PILLAR, known) == Evidence(4, new, 0.0)
+        assert evidence_of(found, view, PILLAR, known) == Evidence(4, new, 0.0, 0, 4)
     # Another arc has nothing behind it.
     assert evidence_of(found, view, replace(PILLAR, middle=np.array([0.0, 1.4])), true) == Evidence(0, 0, 0.0)
     hidden = found._replace(echoes=replace(found.echoes, visible=np.zeros(7, dtype=bool)))
     assert evidence_of(hidden, view, PILLAR, true) == Evidence(0, 0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("along", "across", "confirmed"), [(1.4, 0.0, 3), (-1.4, 0.7, 3), (1.6, 0.0, 0), (0.0, 0.8, 0)]
+)
+def test_known_places_are_confirmed_at_their_ranges_alone(view, along, across, confirmed):
+    """Shifted along and across the ray that arrives there, in range cells and in cells as wide as the pillar's."""
+    fold = fold_of([PILLAR], 2)
+    true = fold(SHOWN)
+    ray = np.array([(fold((1.0 + 1e-6) * place[None])[0] - fold(place[None])[0]) for place in SHOWN])
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    width = np.abs(PILLAR.spread(SHOWN)[0]) * view.cross_cell(SHOWN)
+    known = true + along * RANGE_CELL * ray + across * width[:, None] * ray[:, ::-1] * [1.0, -1.0]
+    seen = evidence_of(found_with(view, [PILLAR], SHOWN), view, PILLAR, known[:3])
+    assert (seen.confirmed, seen.unconfirmed) == (confirmed, 4 - confirmed)
+
+
+@pytest.mark.parametrize(
+    ("cells", "confirmed", "unconfirmed", "tells"),
+    [(9, 5, 4, True), (9, 2, 7, False), (7, 5, 2, False), (9, 6, 3, False), (20, 12, 8, True), (20, 13, 7, False)],
+)
+def test_a_small_pillar_is_told_by_what_it_confirms(cells, confirmed, unconfirmed, tells):
+    """Its cells are so wide that each holds a known place, so that none is new."""
+    assert shows_new(Evidence(cells, 0, 0.0, confirmed, unconfirmed)) == tells
+
+
 def test_what_folds_to_where_the_radar_sees_nothing_speaks_against_a_mirror(view):
     """The first stands half a metre before the radar, the others where it does not look."""
     assert_allclose(fold_of([PILLAR], 2)(SHOWN[0]), [0.0, 0.5], atol=1e-12)
-    for opened, found in ((0.4, Evidence(4, 4, 0.0)), (0.6, Evidence(4, 3, 0.25))):
+    for opened, found in ((0.4, Evidence(4, 4, 0.0, 0, 4)), (0.6, Evidence(4, 3, 0.25, 0, 3))):
         tried = found_with(view, [PILLAR], SHOWN, opened=opened)
         assert evidence_of(tried, view, PILLAR, np.empty((0, 2))) == found
 

@@ -29,6 +29,10 @@ that shows known objects, fewer cells do: those of echoes by way of the pillar a
 places. The share was at least 0.25 behind true mirrors of random scenes, at most 0.17 behind other rows, and 0.21
 behind an arc of full waves."""
 
+UNCONFIRMED_SHARE = 0.4
+"""Least share of the cells behind a mirror that agree with no known place in range, where others do. It was 0.44 and
+more behind pillars of 10 cm radius, and 0.25 at most behind round objects in line of sight that show little new."""
+
 
 def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror], list[Mirror]]:
     """Steps 2 to 4 once more with curved mirrors: the result, the mirrors, and the rejected rows, see `with_rows`."""
@@ -43,7 +47,14 @@ def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mir
 
 
 def shows_new(seen: Evidence) -> bool:
-    """Whether enough cells behind a row fold to places not known before."""
+    """Whether enough cells behind a row fold to places not known before.
+
+    A small convex mirror makes cells so wide that nearly all of them hold a known place. But where such a mirror shows
+    several known places at their own ranges, cells that agree with no range show something else.
+    """
+    too_wide = seen.new <= FEWEST_NEW and seen.confirmed >= FEWEST_CELLS
+    if too_wide and seen.unconfirmed >= max(FEWEST_CELLS, UNCONFIRMED_SHARE * seen.cells):
+        return True
     return seen.new >= max(FEWEST_NEW, NEW_SHARE * seen.cells)
 
 

@@ -16,10 +16,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.curved import growth_over, overlap
-from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection.mirrors.mirror import Mirror, fold_of, turns
 from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 
@@ -27,6 +28,10 @@ KNOWN_CELLS = 1.5
 """An echo that folds to within this distance of a known place shows that place and is not new. The distance is in
 resolution cells, as wide as the mirror makes them. In range cells alone, fewer echoes would show known places, but then
 multiple scattering behind round objects would seem to show as many new places as a mirror does."""
+
+CONFIRMING_CELLS = 0.75
+"""An echo confirms a known place that lies within `KNOWN_CELLS` range cells of the place it folds to, and within this
+number of cells across the ray: twice the error of an echo's place, and as much for the known one."""
 
 SAMPLES, PIECE = 9, 0.4
 """Number of places tested along a flat mirror; and the least share of them that lies on an arc if the mirror is a
@@ -84,6 +89,11 @@ class Evidence:
         Number of cells whose echoes fold to places where nothing was known to be.
     empty : float
         Share of the cells that fold to places that the radar sees to be empty.
+    confirmed : int
+        Of a row in line of sight, the number of cells with echoes that fold to known places and agree with these in
+        range; zero for other rows.
+    unconfirmed : int
+        Of a row in line of sight, the number of cells with neither such echoes nor any that fold to empty places.
     shown : tuple of ShownNew
         The echoes of the `new` cells, for each chain that ends at the row.
     """
@@ -91,6 +101,8 @@ class Evidence:
     cells: int
     new: int
     empty: float
+    confirmed: int = 0
+    unconfirmed: int = 0
     new_echoes: tuple[NewEchoes, ...] = field(default=(), compare=False, repr=False)
 
     @property
@@ -227,7 +239,7 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
         for index, chain in enumerate(sight.chain)
         if chain and _part_of(by_chain[chain][-1], row)
     ]
-    cells, empty, shows = 0, 0, list[NewEchoes]()
+    cells, empty, confirmed, unconfirmed, shows = 0, 0, 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)
     for index, way in own:
@@ -235,7 +247,8 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
         seen = seen.take(selected(view, seen, row))
         if not len(seen):
             continue
-        place = fold_of(way, view.dimensions)(seen.position)
+        fold = fold_of(way, view.dimensions)
+        place = fold(seen.position)
         range_, direction, inside = view.locate(place)
         contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(seen), bool)
         across = growth_over([row], seen.position).max(axis=1) * view.cross_cell(seen.position)
@@ -243,9 +256,31 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
         new = (tree.query(place)[0] > reach) & ~contradicted
         cells += filled_cells(view, seen)
         empty += filled_cells(view, seen.take(contradicted))
+        if len(way) == 1:
+            matrix = np.broadcast_to(turns(fold, seen.position), (len(seen), view.dimensions, view.dimensions))
+            arrival = np.einsum("nij,nj->ni", matrix, unit(seen.position - view.radar))
+            agrees = _agree_in_range(place, arrival, across, tree, view)
+            confirmed += filled_cells(view, seen.take(agrees))
+            unconfirmed += filled_cells(view, seen) - filled_cells(view, seen.take(agrees | contradicted))
         shows.append(NewEchoes(seen.take(new), place[new], reach[new]))
     fresh = sum(filled_cells(view, one.echoes) for one in shows)
-    return Evidence(cells, fresh, empty / max(cells, 1), tuple(shows))
+    return Evidence(cells, fresh, empty / max(cells, 1), confirmed, unconfirmed, tuple(shows))
+
+
+def _agree_in_range(place: Array, arrival: Array, across: Array, known: cKDTree, view: View) -> Mask:
+    """Which echoes have a `known` place in the resolution cell about the `place` (n, d) they fold to, (n,).
+
+    Known places count within `KNOWN_CELLS` range cells along the ray that arrives there, in the direction `arrival`
+    (n, d), and within `CONFIRMING_CELLS` of the cells `across` it, (n,) [m].
+    """
+    depth, width = KNOWN_CELLS * view.range_cell, CONFIRMING_CELLS * across
+    agrees = np.zeros(len(place), dtype=bool)
+    for k, near in enumerate(known.query_ball_point(place, np.hypot(depth, width))):
+        away = known.data[near] - place[k]
+        along = away @ arrival[k]
+        beside = np.linalg.norm(away - along[:, None] * arrival[k], axis=1)
+        agrees[k] = np.any((np.abs(along) <= depth) & (beside <= width[k]))
+    return agrees
 
 
 def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:

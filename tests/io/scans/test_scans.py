@@ -35,7 +35,7 @@ def random_sweep(kind, seed):
     f = np.linspace(270e9, 300e9, int(rng.integers(2, 12)))
     n, m = (int(v) for v in rng.integers(1, 6, 2))
     if kind == "pairs":
-        attrs = {"title": 'drywall "L"', "wave_speed": 2.9e8} if seed % 2 else {}
+        attrs = {"title": 'drywall "L" \N{SATELLITE ANTENNA}', "wave_speed": 2.9e8} if seed % 2 else {}
         place = rng.uniform(-0.1, 0.1, (2, 6, 3))
         return make_sweep(
             noise(rng, f.size, n, m), frequency=f, tx_position=place[0, :n], rx_position=place[1, :m], **attrs

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tomli_w
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -111,14 +112,11 @@ def _listing(
 
 def _description(sweep: xr.Dataset) -> str:
     """A description in TOML of what a table of positions cannot hold; empty if there is nothing."""
-    lines = []
-    for name in ("title", "instrument"):
-        if sweep.attrs.get(name):
-            lines.append(f"{name} = {json.dumps(str(sweep.attrs[name]))}")
+    known: dict[str, Any] = {name: str(sweep.attrs[name]) for name in ("title", "instrument") if sweep.attrs.get(name)}
     if "wave_speed" in sweep.attrs:
-        lines.append(f"wave_speed = {float(sweep.attrs['wave_speed'])!r}")
+        known["wave_speed"] = float(sweep.attrs["wave_speed"])
     for name in ("scene_center", "origin"):
         place = sweep.attrs.get(name)
         if place is not None and (name != "origin" or np.any(np.asarray(place) != 0.0)):
-            lines.append(f"{name} = {np.asarray(place, dtype=float).tolist()}")
-    return "\n".join([*lines, f'table = "{POSITIONS}"', ""]) if lines else ""
+            known[name] = np.asarray(place, dtype=float).tolist()
+    return tomli_w.dumps(known | {"table": POSITIONS}) if known else ""
