@@ -28,12 +28,17 @@ def seen():
     return scene, sweep, mf.focus(sweep, x=np.arange(-1.0, 1.2, 0.005), y=np.arange(0.4, 2.8, 0.005), tolerance=1e-3)
 
 
-def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen):
+@pytest.fixture(scope="module")
+def folded(seen):
+    _, sweep, image = seen
+    return mf.fold(image, sweep=sweep)
+
+
+def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen, folded):
     scene, sweep, image = seen
-    found = mf.fold(image, sweep=sweep)
-    score = mf.score(found, scene)
+    score = mf.score(folded, scene)
     assert score.sides_right >= 0.95
-    points = found["objects"].to_dataset(inherit=False)
+    points = folded["objects"].to_dataset(inherit=False)
     # Of half the array: to a quarter of the range cell of 25 mm, and closer than without the delay of the door.
     assert score.passed_m <= 0.006
     arc = np.array([0.508, 1.925])
@@ -43,7 +48,7 @@ def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen):
         for x, y in (("x", "y"), ("x_initial", "y_initial"))
     ]
     assert np.median(distance[0]) < np.median(distance[1])
-    mirrors = found["mirrors"].to_dataset()
+    mirrors = folded["mirrors"].to_dataset()
     door = int(np.flatnonzero(np.isfinite(mirrors["thickness"].values))[0])
     assert set(points["wall"].values[through]) == {str(mirrors["chain"].values[door])}
     assert (points["bounces"].values[through] == 0).all()
@@ -64,12 +69,11 @@ def test_doors_that_only_what_stands_behind_them_tells_are_asked_too(seen, monke
     assert mf.score(found, scene).sides_right >= 0.95
 
 
-def test_files_keep_it_and_one_polarization_decides_nothing(seen, tmp_path):
-    _, sweep, image = seen
-    found = mf.fold(image, sweep=sweep)
-    mf.save(found, tmp_path / "found.nc")
+def test_files_keep_it_and_one_polarization_decides_nothing(seen, folded, tmp_path):
+    image = seen[2]
+    mf.save(folded, tmp_path / "found.nc")
     kept = mf.load(tmp_path / "found.nc")["objects"].to_dataset()
-    np.testing.assert_array_equal(kept["passed"].values, found["objects"]["passed"].values)
+    np.testing.assert_array_equal(kept["passed"].values, folded["objects"]["passed"].values)
     one = mf.fold(image.isel(polarization=0).drop_vars("polarization"))
     assert "passed" not in one["objects"]
     assert "thickness" not in one["mirrors"]
@@ -78,7 +82,7 @@ def test_files_keep_it_and_one_polarization_decides_nothing(seen, tmp_path):
 def test_where_metal_would_serve_as_well_all_is_left_open(seen, monkeypatch):
     scene, sweep, image = seen
     monkeypatch.setattr(transparent, "AGAINST_METAL", np.inf)
-    found = mf.fold(image, sweep=sweep)
+    found = mf.fold(image, sweep=sweep, min_confidence=0.0)
     points = found["objects"].to_dataset(inherit=False)
     asked = np.isfinite(points["passed"].values)
     assert asked.sum() > 20
@@ -87,14 +91,13 @@ def test_where_metal_would_serve_as_well_all_is_left_open(seen, monkeypatch):
     assert points["confidence"].values[asked].max() <= 0.5
     assert (points["wall"] == "").all()
     assert "thickness" not in found["mirrors"]
-    score = mf.score(mf.fold(image, sweep=sweep, min_confidence=0.0), scene)
+    score = mf.score(found, scene)
     assert score.sides_doubtful == 1.0
     assert score.sides_right is None
 
 
-def test_points_of_other_methods_need_no_more_than_places(seen):
-    scene, sweep, image = seen
-    found = mf.fold(image, sweep=sweep)
+def test_points_of_other_methods_need_no_more_than_places(seen, folded):
+    scene, found = seen[0], folded.copy()
     every, points = mf.score(found, scene), found["objects"].to_dataset(inherit=False)
     found["objects"] = xr.DataTree(points.drop_vars(NEEDED))
     score = mf.score(found, scene)

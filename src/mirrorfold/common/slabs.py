@@ -124,23 +124,33 @@ def _within(
 ) -> _Factors:
     """The factors of a slab from its permittivity, thickness and roughness."""
     q, cosine = inside(permittivity, angle), np.cos(angle)
-    turn = np.asarray(wavenumber) * thickness
+    turn: Array = np.asarray(wavenumber, dtype=float) * np.asarray(thickness, dtype=float)
+    way, straight = np.exp(turn * q.imag) * _phasor(-turn * q.real), _phasor(turn * cosine)
+    if not np.any(rms_height):
+        smooth = np.ones(())
+        return _Factors(way, straight, smooth, smooth, smooth)
     height = (np.asarray(wavenumber) * rms_height) ** 2
     return _Factors(
-        way=np.exp(-1j * turn * q),
-        straight=np.exp(1j * turn * cosine),
+        way=way,
+        straight=straight,
         front=np.exp(-2.0 * height * cosine**2),
         inside=np.exp(-2.0 * height * q.real**2),
         entry=np.exp(-height * (q.real - cosine) ** 2),
     )
 
 
+def _phasor(phase: Array) -> Coefficient:
+    """``exp(j phase)``, by real functions: twice as fast as the complex one."""
+    found = np.empty(np.shape(phase), dtype=complex)
+    found.real, found.imag = np.cos(phase), np.sin(phase)
+    return found
+
+
 def _coefficients(r: Coefficient, factors: _Factors) -> tuple[Coefficient, Coefficient]:
     """R and T of a slab from the reflection coefficient r of its front face, and its factors."""
-    way, within, entry = factors.way, r * factors.inside, (1.0 - r**2) * factors.entry
-    around = 1.0 - (within * way) ** 2
-    reflected = r * factors.front - entry * within * way**2 / around
-    return np.asarray(reflected), np.asarray(entry * way / around * factors.straight)
+    once = r * factors.inside * factors.way
+    passed = (1.0 - r**2) * factors.entry * factors.way * (1.0 / (1.0 - once**2))
+    return np.asarray(r * factors.front - passed * once), np.asarray(passed * factors.straight)
 
 
 def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:

@@ -289,7 +289,7 @@ def _mean_scattered_cosine(k_correlation: ArrayLike, angle: NDArray[np.float64])
     return mean
 
 
-@lru_cache(64)
+@lru_cache(1024)  # one entry of 4 kB for each frequency of a sweep
 def _scattered_cosines(k_correlation: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Angles of incidence from 0 to 90 degrees [rad], and the mean cosine G of the scattered waves at each of them."""
     # The midpoint rule over the scattering angle is spectrally accurate: the integrand is even about its ends.

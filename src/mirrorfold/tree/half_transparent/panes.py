@@ -58,8 +58,8 @@ MOST_ODDS = -np.log(OTHER_SHARE)
 SHARES = 0.05, 0.2, 0.4, 0.6, 0.8, 0.95
 """Shares of passed echoes, among those behind a wall, that are tried."""
 
-BATCH = 400
-"""Number of walls that are tried at once; bounds the memory."""
+BATCH = 50
+"""Number of walls that are tried at once: so few that their spectra stay in a cache of a megabyte."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +172,20 @@ def best_mixture(
     return each.max(axis=0), np.array(SHARES)[each.argmax(axis=0)]
 
 
+def power_of(values: Spectra) -> Array:
+    """Squared magnitude, of the same shape."""
+    return np.asarray(values.real**2 + values.imag**2)
+
+
 def parallel_misfit(echo_te: Spectra, echo_tm: Spectra, te: Spectra, tm: Spectra) -> Array:
     """Share of the power of echoes (n, m) that is not parallel to the pairs (te, tm) of walls, (w, n, m): (w, n)."""
-    size = np.maximum(np.abs(te) ** 2 + np.abs(tm) ** 2, np.finfo(float).tiny)
-    one, other = tm * echo_te, te * echo_tm
-    left = np.sum((np.abs(one) ** 2 + np.abs(other) ** 2) / size, axis=-1)
-    left = left - 2.0 * np.abs(np.sum(np.conj(one) * other / size, axis=-1))
-    return np.asarray(left / np.sum(np.abs(echo_te) ** 2 + np.abs(echo_tm) ** 2, axis=-1))
+    wall_te, wall_tm, echo_power_te, echo_power_tm = map(power_of, (te, tm, echo_te, echo_tm))
+    scale = 1.0 / np.maximum(wall_te + wall_tm, np.finfo(float).tiny)
+    over_frequency = "...nm,nm->...n"
+    left = np.einsum(over_frequency, wall_tm * scale, echo_power_te)
+    left += np.einsum(over_frequency, wall_te * scale, echo_power_tm)
+    left -= 2.0 * np.abs(np.einsum(over_frequency, np.conj(tm) * te * scale, np.conj(echo_te) * echo_tm))
+    return np.asarray(left / np.sum(echo_power_te + echo_power_tm, axis=-1))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 from scipy.special import gammaln
 
 from mirrorfold.common.slabs import both_polarizations
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Index
 from mirrorfold.tree.half_transparent.panes import (
     MOST_ODDS,
     OTHER_SHARE,
@@ -38,6 +38,7 @@ from mirrorfold.tree.half_transparent.panes import (
     best_mixture,
     covariance,
     parallel_misfit,
+    power_of,
 )
 
 SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
@@ -87,8 +88,8 @@ LEAST_BEND = 0.01
 """Least second derivative of the log-likelihood in the units of `_WallFit`: it limits standard errors to ten units,
 which cover all possible walls."""
 
-BATCH = 100
-"""Number of walls that are tried at once; bounds the memory."""
+BATCH = 25
+"""Number of walls that are tried at once: so few that their spectra stay in a cache of a megabyte."""
 
 
 class Walls(NamedTuple):
@@ -139,56 +140,68 @@ class Glints:
         near = (apart[..., 0] <= OVERLAP[0]) & (apart[..., 1:] <= OVERLAP[1]).all(axis=-1)
         return np.asarray(1.0 / near.sum(axis=1))
 
-    def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> tuple[Array, Array]:
+    def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> Array:
         """Logarithms of the likelihoods of echoes that walls reflected, and of echoes that passed through, over that of
-        arbitrary spectra, (w, n) each.
+        arbitrary spectra, (2, w, n).
         """
+        return self._of_waves(self._waves(walls), powers)
+
+    def _waves(self, walls: Walls) -> Spectra:
+        """Factors of spectra: TE and TM, of what walls reflected and what passed through them, (2, 2, w, n, m)."""
         eps, thickness, height = (each[:, None, None] for each in walls)
         wave = self.pairs.wavenumber, self.pairs.angle[:, None]
         te, tm = both_polarizations(eps, thickness, *wave, rms_height=height)
-        reflected, passed = (self._of_kind(a**2, b**2, powers) for a, b in zip(te, tm, strict=True))
-        return reflected, passed
+        return np.square([te, tm])
 
-    def _of_kind(self, te: Spectra, tm: Spectra, powers: tuple[float, ...]) -> Array:
-        """The same for echoes whose spectra are multiplied by (te, tm), (w, n, m) each: (w, n)."""
+    def _of_waves(self, waves: Spectra, powers: tuple[float, ...]) -> Array:
+        """The same for echoes whose spectra in TE and TM are multiplied by waves (2, kinds, w, n, m): (kinds, w, n)."""
         independent, noise = self.pairs.independent, self.pairs.noise
-        misfit, unlike = self._glint(te, tm, powers)
+        misfit, unlike = self._glint(waves, powers)
         # Free numbers in two spectra: of a glint two amplitudes and a delay, of a rough object a spectrum and a phase.
         glint = _averaged(misfit, noise, 2.0 * independent - 2.5, 2.5)
-        spread = UNLIKE[:, None, None]
+        spread = UNLIKE[:, None, None, None]
         glint += np.logaddexp.reduce(np.log(0.5 * LEVELS / spread**2) - 0.5 * unlike / spread**2) - np.log(UNLIKE.size)
-        ratio = parallel_misfit(self.pairs.te, self.pairs.tm, te, tm)
+        ratio = parallel_misfit(self.pairs.te, self.pairs.tm, *waves)
         rough = _averaged(ratio, noise, independent - 0.5, independent + 0.5)
         return np.asarray(np.logaddexp(glint, rough) - np.log(2.0))
 
-    def _glint(self, te: Spectra, tm: Spectra, powers: tuple[float, ...]) -> tuple[Array, Array]:
+    def _glint(self, waves: Spectra, powers: tuple[float, ...]) -> tuple[Array, Array]:
         """Share of the power that a glint at the best delay does not explain; and the square of the logarithm of the
-        ratio of its amplitudes in TE and TM, up to a sign, (w, n) each.
+        ratio of its amplitudes in TE and TM, up to a sign, (kinds, w, n) each.
         """
         law, turn = self._trials(powers)
-        levels, explained = [], np.zeros(())
-        for echo, wall in ((self.te, te), (self.tm, tm)):
-            model = wall * self.taper
-            power = np.repeat(np.abs(model) ** 2 @ (law.T**2), DELAYS.size, axis=-1)
-            sent = (echo * np.conj(model)) @ turn
-            explained = explained + np.abs(sent) ** 2 / power
-            levels.append(sent / power)
-        best = explained.argmax(axis=-1)[..., None]
-        level_te, level_tm = (np.take_along_axis(level, best, axis=-1)[..., 0] for level in levels)
+        power = power_of(waves) @ law
+        sent = (self._tapered * np.conj(waves)) @ turn
+        sent = sent.reshape(*power.shape, DELAYS.size)
+        explained = np.sum(power_of(sent) / power[..., None], axis=0)
+        best = explained.reshape(*explained.shape[:-2], -1).argmax(axis=-1)
+        level_te, level_tm = _entries(sent.reshape(2, *best.shape, -1), best) / _entries(power, best // DELAYS.size)
         difference = np.log(level_te / level_tm)
         phase = difference.imag - np.pi * np.round(difference.imag / np.pi)
-        total = np.sum(np.abs(self.te) ** 2 + np.abs(self.tm) ** 2, axis=-1)
-        misfit = 1.0 - _peak(explained.reshape(*explained.shape[:-1], len(powers), DELAYS.size)) / total
+        misfit = 1.0 - _peak(explained) / self._total
         return np.clip(misfit, 0.0, 1.0), difference.real**2 + phase**2
 
+    @cached_property
+    def _tapered(self) -> Spectra:
+        """Spectra of echoes in TE and TM, times the taper once more, (2, 1, 1, n, m)."""
+        return np.stack([self.te, self.tm])[:, None, None] * self.taper
+
+    @cached_property
+    def _total(self) -> Array:
+        """Power of both spectra of each echo, (n,)."""
+        return np.asarray(np.sum(power_of(self.te) + power_of(self.tm), axis=-1))
+
     def _trials(self, powers: tuple[float, ...]) -> tuple[Array, Spectra]:
-        """Powers of frequency, (powers, m); and waves with these amplitudes at all delays, (m, powers * delays)."""
+        """Powers of frequency, squared and tapered, (m, powers); and waves with these amplitudes at all delays,
+        (m, powers * delays).
+        """
         if powers not in self._tried:
             k = self.pairs.wavenumber
             middle = k.mean()
-            law = (k / middle) ** np.array(powers)[:, None]
+            law = ((k / middle) ** np.array(powers)[:, None]).T
             waves = np.exp(2j * np.outer(k - middle, DELAYS * self.pairs.cell))
-            self._tried[powers] = law, (law.T[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
+            turn = (law[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
+            self._tried[powers] = (self.taper[:, None] * law) ** 2, turn
         return self._tried[powers]
 
     @cached_property
@@ -200,23 +213,31 @@ class Glints:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, summed over echoes, (w,); and
         the share of passed echoes that makes it largest, (w,).
         """
-        return best_mixture(*self.likelihoods(walls, powers), np.log(OTHER_SHARE), lambda each: each @ self.weight)
+        reflected, passed = self.likelihoods(walls, powers)
+        return best_mixture(reflected, passed, np.log(OTHER_SHARE), lambda each: each @ self.weight)
 
     def alone(self, walls: Walls) -> Array:
         """The same logarithm if no echo passed: all were reflected, or are others, (w,)."""
-        return np.asarray(np.logaddexp(self.likelihoods(walls)[0], np.log(OTHER_SHARE)) @ self.weight)
+        (reflected,) = self._of_waves(self._waves(walls)[:, :1], POWERS)
+        return np.asarray(np.logaddexp(reflected, np.log(OTHER_SHARE)) @ self.weight)
 
     def log_odds(self, pane: Pane) -> Array:
         """Logarithm of the odds that each echo passed through the wall, against reflection, (n,)."""
-        reflected, passed = (kind[0] for kind in self.likelihoods(Walls.of(pane)))
+        reflected, passed = self.likelihoods(Walls.of(pane))[:, 0]
         return np.clip(passed + np.log(pane.share) - reflected - np.log1p(-pane.share), -MOST_ODDS, MOST_ODDS)
 
 
+def _entries(values: NDArray[Any], index: Index) -> NDArray[Any]:
+    """The entries of values (2, ..., size) at an index (...) of the last axis: (2, ...)."""
+    flat = values.reshape(2, index.size, -1)[:, np.arange(index.size), index.ravel()]
+    return flat.reshape(2, *index.shape)
+
+
 def _averaged(misfit: Array, noise: Array, left: float, explained: float) -> Array:
-    """Logarithm of the likelihood of a misfit (w, n), averaged over the `SCALES` of its error, over that of a random
-    direction in as many dimensions. The model explains `explained` complex dimensions, and `left` are left.
+    """Logarithm of the likelihood of a misfit (kinds, w, n), averaged over the `SCALES` of its error, over that of a
+    random direction in as many dimensions. The model explains `explained` complex dimensions, and `left` are left.
     """
-    variance = SCALES[:, None, None] + noise
+    variance = SCALES[:, None, None, None] + noise
     each = left * (np.log(left / variance) - misfit / variance)
     usual = np.log(SCALES.size) - gammaln(explained) + gammaln(left + explained)
     return np.asarray(np.logaddexp.reduce(each) - usual)
@@ -224,11 +245,13 @@ def _averaged(misfit: Array, noise: Array, left: float, explained: float) -> Arr
 
 def _peak(values: Array) -> Array:
     """The maximum of values (..., powers, delays), interpolated by parabolas between neighbouring delays, (...)."""
-    at = np.clip(values.argmax(axis=-1), 1, values.shape[-1] - 2)[..., None]
-    before, here, after = (np.take_along_axis(values, at + step, axis=-1)[..., 0] for step in (-1, 0, 1))
+    rows = values.reshape(-1, values.shape[-1])
+    row, at = np.arange(len(rows)), np.clip(rows.argmax(axis=1), 1, rows.shape[1] - 2)
+    before, here, after = rows[row, at - 1], rows[row, at], rows[row, at + 1]
     bend = before - 2.0 * here + after
     beside = np.clip(0.5 * (before - after) / np.where(bend < 0.0, bend, -np.inf), -0.5, 0.5)
-    return np.asarray(np.maximum(values.max(axis=-1), here - 0.25 * (before - after) * beside).max(axis=-1))
+    top = np.maximum(rows.max(axis=1), here - 0.25 * (before - after) * beside)
+    return np.asarray(top.reshape(values.shape[:-1]).max(axis=-1))
 
 
 class _WallFit:
