@@ -1,4 +1,4 @@
-"""The published experiments and the questions that they leave open, made anew: claims, numbers, verdicts."""
+"""The published experiments, computed anew, and questions that they leave open: claims, numbers, verdicts."""
 
 from mirrorfold.reproducing.catalogue import EXPERIMENTS, Experiment
 from mirrorfold.reproducing.findings import Claim, Findings, Table

@@ -1,4 +1,4 @@
-"""The experiments by name, in the order of the publication; their modules are imported when they are run."""
+"""The experiments by name, in the order of the publication. The module of an experiment is imported when it is run."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 PACKAGE, PARTS = "mirrorfold.reproducing.experiments", "mirrorfold.reproducing.parts"
 
 NEEDS = {"mesh": ("trimesh", "embreex", "skimage"), "sparse": ("pylops",)}
-"""What each extra of the package installs, by the names that are imported."""
+"""Modules that each extra of the package installs, by the names under which they are imported."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment: `run` in the module of the same name does it.
+    """An experiment, which the function `run` of the module of the same name carries out.
 
     Attributes
     ----------
     name : str
     title : str
     source : str
-        The published figure; empty where nothing was published.
+        The published figure; empty if nothing was published.
     purpose : str
         What is done, in one or two sentences.
     extra : str
-        The extra of the package that it needs; empty where the core will do.
+        The extra of the package that the experiment needs; empty if it needs none.
     """
 
     name: str
@@ -48,28 +48,28 @@ class Experiment:
 
     @property
     def module(self) -> str:
-        """Name of its module in the folder of experiments."""
+        """Name of the experiment's module in the folder `experiments`."""
         return self.name.replace("-", "_")
 
     @property
     def run(self) -> Callable[[Work], Findings]:
-        """The function that does it."""
+        """The function that carries out the experiment."""
         return cast("Callable[[Work], Findings]", import_module(f"{PACKAGE}.{self.module}").run)
 
     def digest(self, *, quick: bool) -> str:
-        """Digest of the program that makes it: version, size, and the text of its module and of what several share."""
+        """Digest of the program that makes the result: version, name, size, the text of its module and of `parts`."""
         shared = sorted(files(PARTS).iterdir(), key=lambda file: file.name)
         texts = [file.read_bytes() for file in shared if file.name.endswith(".py")]
         texts.append(files(PACKAGE).joinpath(f"{self.module}.py").read_bytes())
         return hashlib.sha256(f"{__version__} {self.name} {quick}\n".encode() + b"".join(texts)).hexdigest()
 
     def check_installed(self) -> None:
-        """Refuse to begin without what the experiment needs.
+        """Refuse to begin if modules that the experiment needs are not installed.
 
         Raises
         ------
         InputError
-            If an extra is not installed.
+            If a module of the experiment's extra is missing.
         """
         missing = [name for name in NEEDS.get(self.extra, ()) if find_spec(name) is None]
         if missing:
@@ -194,7 +194,7 @@ def chosen(names: str | Sequence[str]) -> list[Experiment]:
     Raises
     ------
     InputError
-        If a name is not known, or an extra is missing that one needs.
+        If a name is not known, or an extra that one of the experiments needs is missing.
     """
     wanted = [names] if isinstance(names, str) else listed("names", names)
     if not wanted:

@@ -1,4 +1,4 @@
-"""What an experiment finds: claims with verdicts, numbers, tables, pictures, data."""
+"""The results of an experiment: claims with verdicts, numbers, tables, pictures and data."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAPER = "Cui and Trichopoulos, IEEE Trans. THz Sci. Technol. 14(4), 433-445, 2024"
-"""The publication whose figures are made anew."""
+"""The publication whose figures are computed anew."""
 
 Verdict = Literal["agrees", "differs", "new"]
-"""Of a claim: our number agrees with what was published, differs from it, or answers what was left open."""
+"""Verdict on a claim: our number agrees with the published one, differs from it, or answers an open question."""
 
 
 class Claim(Record):
-    """A published claim, or a question that the publication leaves open, beside what came out here."""
+    """A published claim, or a question that the publication leaves open, beside our result."""
 
     claim: str = fact("what was published, or what is asked")
     source: str = fact("where, such as `Fig. 4 (b)`; empty where nothing was published")
@@ -31,7 +31,7 @@ class Claim(Record):
 
 
 class Table(Record):
-    """A table of the page."""
+    """A table on the page of an experiment."""
 
     title: str
     columns: list[str] = fact("headings, with units")
@@ -39,7 +39,7 @@ class Table(Record):
 
 
 class Picture(Record):
-    """A picture of the page."""
+    """A picture on the page of an experiment."""
 
     file: str = fact("name without suffix; there are a PNG and a PDF of it")
     caption: str
@@ -56,9 +56,9 @@ class Findings:
     numbers : dict of float
         Every number that the claims rest on, with its unit at the end of the name, such as ``wall_angle_error_deg``.
     figures : dict of (Figure, str)
-        Pictures and captions by the names of their files, in the order of the page.
+        Pictures and their captions, by the names of the pictures' files, in the order of the page.
     data : Dataset or DataTree
-        What the pictures show, in real numbers with units in their attributes.
+        The data that the pictures show: real numbers, with their units as attributes.
     tables : tuple of Table
     text : tuple of str
         Paragraphs of plain text on what can be learnt.
@@ -76,7 +76,7 @@ class Findings:
 
 
 class Result(Record):
-    """An experiment that has been done; `result.json` in its folder."""
+    """The result of a finished experiment, as stored in `result.json` in the experiment's folder."""
 
     name: str
     title: str

@@ -1,4 +1,4 @@
-"""The pages of experiments: Markdown for each, an index, and one HTML page with everything to read offline."""
+"""Pages on the experiments: one in Markdown for each, an index, and one HTML page with everything, to read offline."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ figure { margin: 1.5rem 0; } figcaption { font-size: 0.9em; color: #555; } code 
 
 
 def page_markdown(result: Result) -> str:
-    """The page of an experiment."""
+    """The page on one experiment, as Markdown."""
     lines = [
         f"# {result.title}",
         "",
@@ -53,7 +53,7 @@ def page_markdown(result: Result) -> str:
 
 
 def index_markdown(results: Sequence[Result]) -> str:
-    """All claims in one table, with links to the pages."""
+    """The index as Markdown: the claims of all experiments in one table, with links to the pages."""
     lines = [f"# {TITLE}", "", f"The publication is {PAPER}.", "", LEGEND, ""]
     rows = [
         [f"[{one.name}]({one.name}/page.md)" if first else "", claim.claim, claim.measured, claim.verdict]
@@ -68,7 +68,7 @@ def index_markdown(results: Sequence[Result]) -> str:
 
 
 def to_html(results: Sequence[Result], folder: Path) -> str:
-    """One page with the index, all experiments and their pictures, which lie in `folder`."""
+    """One HTML page with the index, all experiments and their pictures, which are read from `folder`."""
     rows = [
         [f'<a href="#{one.name}">{one.name}</a>' if first else "", escape(claim.claim), escape(claim.measured),
          _coloured(claim)]
@@ -108,12 +108,12 @@ def to_html(results: Sequence[Result], folder: Path) -> str:
 
 
 def _source(result: Result) -> str:
-    """Which published figure it is."""
+    """The sentence that names the published figure, or says that the publication leaves the question open."""
     return f"{result.source} of {PAPER}." if result.source else f"A question that {PAPER}, leave open."
 
 
 def _cost(result: Result) -> str:
-    """The time that it took, and the size."""
+    """The sentence that tells the size of the run, the version of mirrorfold, and the time that the run took."""
     minutes, seconds = divmod(round(result.seconds), 60)
     took = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
     size = "at reduced size" if result.quick else "at full size"
@@ -127,7 +127,7 @@ def _claims(claims: Sequence[Claim]) -> Table:
 
 
 def _marked(claims: Sequence[Claim]) -> list[tuple[bool, Claim]]:
-    """Each claim, and whether it is the first."""
+    """Each claim, after a mark that is true for the first claim: its row in the index names the experiment."""
     return [(number == 0, claim) for number, claim in enumerate(claims)]
 
 
@@ -138,17 +138,17 @@ def _table(table: Table) -> list[str]:
 
 
 def _html_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of HTML; the cells of the rows are HTML already."""
+    """A table as HTML. The cells of `rows` are HTML already; the names of the columns are plain text."""
     head = "".join(f"<th>{escape(column)}</th>" for column in columns)
     lines = "\n".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
     return f'<div class="wide"><table><tr>{head}</tr>\n{lines}</table></div>'
 
 
 def _coloured(claim: Claim) -> str:
-    """A verdict in its colour."""
+    """The verdict on a claim, as HTML in its colour."""
     return f'<b class="{claim.verdict}">{claim.verdict}</b>'
 
 
 def _plain(text: str) -> str:
-    """A caption that may stand in the brackets of a picture."""
+    """A caption without square brackets, because Markdown puts it into square brackets before a picture's address."""
     return text.replace("[", "(").replace("]", ")")

@@ -1,4 +1,4 @@
-"""Running experiments one after the other, each into a folder of its own that is there whole or not at all."""
+"""Runs experiments one after the other. The folder of each is written as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ RESULT, PAGE, DATA = "result.json", "page.md", "data.nc"
 INDEX = ("index.md", "index.html")
 
 UNFINISHED, SPENT = "unfinished", "spent.json"
-"""Folder beside the results with what has been done of experiments that are not complete; and the file in it that says
-how long each has taken so far."""
+"""Folder, beside the results, for the intermediate results of unfinished experiments; and the file in the subfolder of
+each experiment that tells how long the experiment has run so far."""
 
 DPI = 130
-"""Of the pictures as PNG: some 900 pixels across, as wide as a page shows them."""
+"""Resolution of the pictures as PNG [dots per inch]: they are some 900 pixels wide, as wide as a page shows them."""
 
 _RESULT: TypeAdapter[Result] = TypeAdapter(Result)
 
 
 class Reproduction(Record):
-    """What `mirrorfold reproduce` has made, or found made already."""
+    """The results that `mirrorfold reproduce` has computed, or has found in the folder already."""
 
     results: list[Result]
     files: list[str] = fact("what was written")
@@ -54,24 +54,25 @@ def reproduce(
     began: Callable[[Experiment], Progress | None] | None = None,
     finished: Callable[[Result], None] | None = None,
 ) -> Reproduction:
-    """Make published experiments anew, and set their claims beside what comes out.
+    """Compute published experiments anew, and set the published claims beside our results.
 
     Parameters
     ----------
     names : str or list of str
-        Of the experiments; `mirrorfold.reproducing.EXPERIMENTS` lists them.
+        Names of the experiments; `mirrorfold.reproducing.EXPERIMENTS` lists them.
     output : path
         Folder for the results: one folder for each experiment, with pictures (PNG, PDF), data (netCDF), a page
-        (Markdown) and `result.json`; an index, and one HTML page with everything to read offline. Experiments that
-        lie there already, made by the same program at the same size, are not made again.
+        (Markdown) and `result.json`; an index, and one HTML page with everything to read offline. Experiments whose
+        results are there already, made by the same program at the same size, are not run again.
     quick : bool
-        All at reduced size, in minutes.
+        Run all experiments at reduced size, which takes minutes.
     again : bool
-        Make those again, too, that lie there already.
+        Run also the experiments again whose results are there already.
     began : callable (experiment), optional
-        Called before each; may return a function that is called with how much of it is done, and the total.
+        Called before each experiment. It may return a function, which is then called with the number of steps done
+        and their total.
     finished : callable (result), optional
-        Called after each.
+        Called with the result of each experiment.
 
     Returns
     -------
@@ -100,7 +101,7 @@ def reproduce(
 
 
 def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress | None) -> Result:
-    """Do an experiment and write its folder."""
+    """Run an experiment and write its folder."""
     kept = output / UNFINISHED / experiment.name
     digest = experiment.digest(quick=quick)
     with _timed(kept, digest) as seconds:
@@ -127,18 +128,18 @@ def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress 
     with directory_written_whole(folder, replaces=before) as directory:
         _write(result, found, directory)
     shutil.rmtree(kept, ignore_errors=True)
-    with suppress(OSError):  # something else is unfinished still
+    with suppress(OSError):  # the folder is not empty if another experiment is unfinished
         kept.parent.rmdir()
     return result
 
 
 @contextmanager
 def _timed(kept: Path, digest: str) -> Iterator[Callable[[], float]]:
-    """The time [s] that an experiment takes, with that of runs of the same program that were interrupted."""
+    """Measure the time [s] that an experiment takes, including earlier, interrupted runs of the same program."""
     file, before, started = kept / SPENT, 0.0, time.perf_counter()
     with suppress(OSError, ValueError, KeyError, TypeError):
-        told = json.loads(file.read_text(encoding="utf-8"))
-        before = float(told["seconds"]) if told["digest"] == digest else 0.0
+        spent = json.loads(file.read_text(encoding="utf-8"))
+        before = float(spent["seconds"]) if spent["digest"] == digest else 0.0
 
     def seconds() -> float:
         return before + time.perf_counter() - started
@@ -153,7 +154,7 @@ def _timed(kept: Path, digest: str) -> Iterator[Callable[[], float]]:
 
 
 def _write(result: Result, found: Findings, directory: Path) -> None:
-    """Write all files of an experiment."""
+    """Write all files of an experiment into its folder."""
     for name, (figure, _) in found.figures.items():
         save_figure(figure, directory / f"{name}.png", dpi=DPI)
         save_figure(figure, directory / f"{name}.pdf")
@@ -163,13 +164,13 @@ def _write(result: Result, found: Findings, directory: Path) -> None:
 
 
 def _names(result: Result) -> list[str]:
-    """The files of an experiment."""
+    """The names of all files of an experiment."""
     pictures = [f"{picture.file}{suffix}" for picture in result.pictures for suffix in (".png", ".pdf")]
     return [RESULT, PAGE, DATA, *pictures]
 
 
 def _made(output: Path, experiment: Experiment, quick: bool) -> Result | None:
-    """The result that lies there, if the same program made it at the same size and all its files are there."""
+    """The result in the folder, if the same program made it at the same size and all its files exist; else None."""
     found = read_result(output / experiment.name / RESULT)
     if found is None or found.digest != experiment.digest(quick=quick):
         return None
@@ -178,7 +179,7 @@ def _made(output: Path, experiment: Experiment, quick: bool) -> Result | None:
 
 
 def read_result(path: Path) -> Result | None:
-    """The result of an experiment; None where there is none that can be read."""
+    """The result of an experiment, read from its file; None if the file does not exist or cannot be read."""
     try:
         return _RESULT.validate_json(path.read_bytes())
     except (OSError, ValidationError):
@@ -186,7 +187,7 @@ def read_result(path: Path) -> Result | None:
 
 
 def write_index(output: Path) -> list[Path]:
-    """Write the index of all results that lie in a folder, in Markdown and as one HTML page."""
+    """Write the index of all results in a folder, in Markdown and as one HTML page; returns both paths."""
     results = [found for name in EXPERIMENTS if (found := read_result(output / name / RESULT)) is not None]
     texts = index_markdown(results), to_html(results, output)
     paths = [output / name for name in INDEX]

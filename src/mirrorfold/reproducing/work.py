@@ -1,4 +1,4 @@
-"""What an experiment works with: its size, its progress, and a place that keeps what has been done of it."""
+"""What a running experiment is given: its size, a way to report progress, and a store of intermediate results."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ T = TypeVar("T")
 
 @dataclass
 class Work:
-    """An experiment at work.
+    """A running experiment: its size, its progress, and its store of intermediate results.
 
-    What `sweep` and `kept` return is kept on disk until the experiment is done. When it is run again after an
-    interruption, they return it at once. They know it by the order of the calls, which must therefore be the same in
-    every run.
+    The results of `sweep` and `kept` are stored on disk until the experiment is done. When the experiment is run again
+    after an interruption, both return the stored results at once. Each result is identified by the number of the call
+    that computed it. Therefore the order of the calls must be the same in every run.
 
     Attributes
     ----------
     quick : bool
-        At reduced size.
+        Whether the experiment runs at reduced size.
     folder : Path, optional
-        Of what is kept; nothing is kept without one.
+        Folder of the stored results; without a folder, nothing is stored.
     digest : str
-        Of the program; what another one has kept is not used.
+        Digest of the program; results that another program has stored are not used.
     workers : int
-        Processes for full waves.
+        Number of processes that solve for full waves.
     progress : callable (done, total), optional
+        Called to report how many steps are done, of how many in total.
     """
 
     quick: bool
@@ -53,16 +54,16 @@ class Work:
     _number: Iterator[int] = field(default_factory=count, repr=False)
 
     def size(self, full: T, quick: T) -> T:
-        """One of two sizes of the same, such as a number of scenes: the quick one for a quick run."""
+        """One of two values of a size, such as a number of scenes: `quick` in a quick run, otherwise `full`."""
         return quick if self.quick else full
 
     def step(self, done: int, total: int) -> None:
-        """Tell how far the experiment is."""
+        """Report that `done` steps of `total` are done."""
         if self.progress is not None:
             self.progress(done, total)
 
     def sweep(self, scene: Scene | Scene3D, **settings: Any) -> xr.Dataset:
-        """The sweep of a scene by `mirrorfold.simulate`, with these settings; kept."""
+        """The sweep of a scene, simulated by `mirrorfold.simulate` with these settings, or as it was stored before."""
         number = next(self._number)
         parts = self._parts(".nc")
         if parts is not None and number in _whole(parts):
@@ -80,7 +81,10 @@ class Work:
         return found
 
     def kept(self, compute: Callable[[], T]) -> T:
-        """What a function returns, made of lists, dicts with text for keys, texts and numbers; kept as JSON."""
+        """The result of a function, computed, or as it was stored before.
+
+        It is stored as JSON, and must consist of lists, dicts whose keys are texts, texts and numbers.
+        """
         number = next(self._number)
         parts = self._parts(".json")
         if parts is not None and number in _whole(parts):
@@ -92,7 +96,7 @@ class Work:
         return found
 
     def _parts(self, suffix: str) -> Parts | None:
-        """The place of what is kept in files of one kind."""
+        """The store of the results in files of one suffix; None without a folder."""
         if self.folder is None:
             return None
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -100,16 +104,16 @@ class Work:
 
 
 def _whole(parts: Parts) -> set[int]:
-    """The numbers that may be used: whole, and of the same program."""
+    """The numbers of the stored results that may be used: those that are complete and come from the same program."""
     return parts.verified() if parts.fingerprint_found == parts.fingerprint else set()
 
 
 def _decoded(path: Path) -> Any:
-    """The JSON at the head of a sealed file."""
+    """The JSON with which a stored file begins; a digest follows it."""
     return json.JSONDecoder().raw_decode(path.read_bytes().decode("utf-8", errors="replace"))[0]
 
 
 def _expected(found: Any, kind: type[T]) -> T:
-    """What was read, which is of the kind that was written."""
+    """An object that was read, after a check that it is of the type that was written."""
     assert isinstance(found, kind)
     return found

@@ -1,1 +1,1 @@
-"""The experiments, one file each; `run` does it."""
+"""The experiments, one file each; the function `run` of a file carries out its experiment."""

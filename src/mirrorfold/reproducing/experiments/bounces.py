@@ -1,4 +1,4 @@
-"""One to five bounces: how far folding carries, and how far the link budget says that it will."""
+"""One to five bounces: how many of them folding can undo, and how many the link budget of `plan` promises."""
 
 from __future__ import annotations
 
@@ -43,34 +43,34 @@ from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.floor_plan import Scene
 
 MOST = 5
-"""Bounces."""
+"""Largest number of bounces that is tried."""
 
 ROUGHNESS = (0.05e-3, 0.2e-3)
 """Rms height and correlation length of the walls [m], the published ones."""
 
 NEAR = float(np.mean(FIRST))
-"""Range for which the link budget is stated [m]: that of the first wall."""
+"""Range at which the link budget is stated [m]: the mean range of the first wall."""
 
 SECTION = 1e-3
 """Radar cross section of the target [m^2], as `plan` assumes it."""
 
 DETECTION_DB = 13.0
-"""Signal over noise in the image from which `plan` counts a thing as seen."""
+"""Signal over noise in the image from which `plan` counts an object as visible [dB]."""
 
 FOUND = 0.25
-"""Share of the target within 1.5 resolution cells of points, from which it counts as found."""
+"""The target counts as found if at least this share of it is within 1.5 resolution cells of points."""
 
 THRESHOLDS = (-18.0, -40.0)
-"""Below the robust reference echo [dB]: the usual threshold of `mirrorfold.fold`, and one that is lowered."""
+"""Relative to the robust reference echo [dB]: the usual threshold of `mirrorfold.fold`, and a lower one."""
 
 SIDE = 1.4
-"""Half width of the image [m]: unfolded, all ways run nearly straight ahead."""
+"""Half width of the image [m]: before folding, all ghosts of a corridor stand nearly straight ahead of the radar."""
 
 Row = dict[str, Any]
 
 
 def run(work: Work) -> Findings:
-    """All corridors, and what `plan` says of them."""
+    """Fold the images of all corridors, and compare the results with the link budget of `plan`."""
     cases = _cases(work.quick)
     counts = (1, 3) if work.quick else tuple(range(1, MOST + 1))
     seeds = work.size(10, 1)
@@ -127,14 +127,14 @@ def run(work: Work) -> Findings:
 
 
 def _cases(quick: bool) -> dict[str, tuple[float, ...]]:
-    """Powers [dBm] by material."""
+    """Transmitted powers [dBm] to try, by the material of the walls."""
     if quick:
         return {"concrete": (0.0,)}
     return {"concrete": (-20.0, 0.0), "pec": (0.0,), "plasterboard": (0.0,)}
 
 
 def _plan(material: str, power_dbm: float) -> Plan:
-    """What `mirrorfold.plan` says of such a corridor."""
+    """The link budget of `mirrorfold.plan` for corridors with walls of this material."""
     return mf.plan(
         band=(START, STOP),
         points=POINTS,
@@ -152,21 +152,21 @@ def _plan(material: str, power_dbm: float) -> Plan:
 
 
 def _folded(sweep: xr.Dataset, scene: Scene, thresholds: Sequence[float]) -> list[xr.DataTree]:
-    """Reconstructions from a part of the default grid, for each threshold [dB]."""
+    """Reconstructions from a part of the default grid, one for each threshold [dB]."""
     x, y = default_grid(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
     image = mf.focus(sweep, x=x[np.abs(x) <= SIDE], y=y)
     return [mf.fold(image, sweep=sweep, threshold_db=threshold) for threshold in thresholds]
 
 
 def _picture(reconstruction: xr.DataTree, scene: Scene) -> Figure:
-    """Before and after, wide enough for the legend of five generations."""
+    """The image before and after folding, wide enough for the legend of five generations."""
     figure = mf.plot.before_after(reconstruction, scene)
     figure.set_size_inches(11.0, 7.5)
     return figure
 
 
 def _judge(bounces: int, seed: int, material: str, powers: tuple[float, ...]) -> list[Row]:
-    """How well the target of a corridor is folded, for each power."""
+    """Simulate a corridor, add noise for each power, and score the folded target for each power and threshold."""
     scene = corridor(bounces, seed, material)
     sweep = mf.simulate(scene, bounces=bounces, seed=seed)
     signal = float((np.abs(mf.simulate(alone(scene, NEAR), bounces=0, seed=seed)["s"].values) ** 2).mean())
@@ -184,7 +184,7 @@ def _judge(bounces: int, seed: int, material: str, powers: tuple[float, ...]) ->
 
 
 def _scores(reconstruction: xr.DataTree, scene: Scene, bounces: int) -> Row:
-    """Of the target and of the walls in their order."""
+    """Scores of the target, and errors of the walls in the order in which the path meets them."""
     score = mf.score(reconstruction, scene, bounces=bounces)
     target = score.surfaces["target"]
     points = confident_points(reconstruction)
@@ -214,17 +214,17 @@ def _scores(reconstruction: xr.DataTree, scene: Scene, bounces: int) -> Row:
 
 
 APART = 0.3
-"""Points of the deepest generation within this distance of the target count as meant for it [m]; walls keep farther."""
+"""Points of the deepest generation count as echoes of the target up to this distance from it [m]; walls are farther."""
 
 
 def _distances(points: Array, scene: Scene) -> Array:
-    """Of points (n, 2) from the target (n,) [m]."""
+    """Distances (n,) [m] of points (n, 2) [m] from the target."""
     truth = next(surface.sample(0.002)[0] for surface in scene.surface if surface.name == "target")
     return np.array([np.linalg.norm(truth - point, axis=1).min() for point in points])
 
 
 def _numbers(rows: list[Row], plans: dict[tuple[str, float], Plan]) -> dict[str, float | None]:
-    """Means and standard errors by case and bounces; where folding ends, and where `plan` says that it does."""
+    """Means and standard errors by case and bounces; how many bounces folding reaches, and how many `plan` promises."""
     numbers: dict[str, float | None] = {}
     for (material, power), threshold in product(plans, THRESHOLDS):
         case = case_key(material, power, threshold)
@@ -277,7 +277,7 @@ def _counts(rows: list[Row]) -> list[int]:
 
 
 def _needed_snr(rows: list[Row]) -> float | None:
-    """The level that best parts corridors whose target is found from the others [dB]: fewest on the wrong side."""
+    """Level [dB] that best separates corridors whose target is found from the others: fewest are on the wrong side."""
     levels = sorted({row["plan_snr_db"] for row in rows})
     if all(row["found"] for row in rows) or not any(row["found"] for row in rows):
         return None
@@ -287,7 +287,7 @@ def _needed_snr(rows: list[Row]) -> float | None:
 
 
 def _claims(numbers: dict[str, float | None], rows: list[Row]) -> tuple[Claim, ...]:
-    """Nothing is published on more than a few bounces: questions, with answers."""
+    """Questions with our answers, because nothing is published on more than a few bounces."""
     reach = []
     for material, power in dict.fromkeys((row["material"], row["power_dbm"]) for row in rows):
         keys = [case_key(material, power, threshold) for threshold in THRESHOLDS]
@@ -377,7 +377,7 @@ UNITS = {
 
 
 def _data(rows: list[Row]) -> xr.Dataset:
-    """All corridors."""
+    """The scores of all corridors."""
     names = [name for name in rows[0] if name not in ("material", "walls")]
 
     def values(name: str) -> Array:

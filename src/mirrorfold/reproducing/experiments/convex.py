@@ -1,4 +1,10 @@
-"""A pillar as a mirror: what it adds to the field of view, what it costs in resolution and level, and how it folds."""
+"""A pillar as a mirror: what it adds to the field of view, what it costs in resolution and level, and how it folds.
+
+A convex mirror spreads a pencil of rays. It therefore shows more degrees of the room than a flat mirror of its width,
+but its ghosts are weaker and their resolution cells wider. Both costs are measured by a point that pillars of several
+radii show, and compared with the predicted width of the pencil. Random scenes then test whether a pillar is found from
+the sweep alone, and whether what it shows is folded to its true place.
+"""
 
 from __future__ import annotations
 
@@ -25,26 +31,28 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 HIT, INCIDENCE, REST = np.array([0.45, 1.35]), np.radians(40.0), 1.0
-"""Where the way to the point meets the mirror [m], at which angle [rad], and how far it goes on to the point [m]."""
+"""Place at which the path to the point meets the mirror [m], angle of incidence there [rad], and length of the path
+from the mirror to the point [m]."""
 
 GRAZING = np.radians(80.0)
-"""Incidence up to which a pillar counts as a mirror: what it shows beyond is squeezed into a hundredth of its view."""
+"""Largest angle of incidence at which a pillar counts as a mirror [rad]: everything that it shows at larger angles is
+squeezed into a hundredth of its view."""
 
 ASIDE = 0.025
-"""How far the point is moved to either side, across the last leg of the way [m]."""
+"""Distance by which the point is moved to either side, perpendicular to the last leg of the path [m]."""
 
 REACH = 0.09
-"""The image about the ghost reaches this far [m]: three cells."""
+"""Half the side of the image around the ghost [m]: three cells."""
 
 CLOSE = 0.05
-"""Relative difference up to which what is measured agrees with what is predicted."""
+"""Largest relative difference at which a measured number agrees with the predicted one."""
 
 EXAMPLE = 0.2
-"""Radius of the pillar that claims speak of [m]."""
+"""Radius of the pillar that the claims are about [m]."""
 
 
 def run(work: Work) -> Findings:
-    """Pillars of several radii that show one point; and random scenes that only a pillar shows."""
+    """Measure one point in pillars of several radii; then fold random scenes whose objects only a pillar shows."""
     radii = work.size((0.05, 0.1, 0.2, 0.4, 0.8, np.inf), (EXAMPLE, np.inf))
     seeds = work.size(tuple(range(20, 30)), (21,))
     total, rows = len(radii) + len(seeds) + 1, []
@@ -56,7 +64,7 @@ def run(work: Work) -> Findings:
         {"radius": ("radius", [float(radius) for radius in radii], {"units": "m"})},
         {"simulator": "rays", "elements": ELEMENTS, "pitch_m": PITCH, "start_hz": START, "stop_hz": STOP},
     )
-    data["level_db"] = data["level_db"] - data["level_db"].sel(radius=np.inf)  # of the flat mirror in its place
+    data["level_db"] = data["level_db"] - data["level_db"].sel(radius=np.inf)  # relative to a flat mirror in its place
     data["level_db"].attrs["units"] = "dB"
     blind = []
     for number, seed in enumerate(seeds):
@@ -106,25 +114,25 @@ def run(work: Work) -> Findings:
 
 
 def _target() -> Array:
-    """The point, (2,) [m]."""
+    """Place of the point, (2,) [m]."""
     return HIT + REST * _leaving()
 
 
 def _normal() -> Array:
-    """Of the mirror where it is met, towards radar and point."""
+    """Unit normal of the mirror at `HIT`, on the side of the radar and the point."""
     way = unit(HIT)
     turn = np.array([[np.cos(INCIDENCE), np.sin(INCIDENCE)], [-np.sin(INCIDENCE), np.cos(INCIDENCE)]])
     return np.asarray(-turn @ way)
 
 
 def _leaving() -> Array:
-    """Direction of the last leg."""
+    """Unit vector along the last leg of the path, from the mirror to the point."""
     way, normal = unit(HIT), _normal()
     return np.asarray(way - 2.0 * (way @ normal) * normal)
 
 
 def _scene(radius: float, target: Array, *, points: int) -> Scene:
-    """The smooth mirror, a wall where the radius is infinite, and the point."""
+    """A smooth mirror and the point. The mirror is a circle, or a straight wall if the radius is infinite."""
     mirror: dict[str, Any] = {
         "name": "pillar",
         "kind": "circle",
@@ -150,7 +158,7 @@ def _scene(radius: float, target: Array, *, points: int) -> Scene:
 
 
 def _ghost(radius: float, target: Array) -> tuple[Array, Array]:
-    """Where the mirror shows the near side of the point (2,) [m], and where the shortest way meets the mirror."""
+    """Ghost of the near side of the point, and the place where the shortest path meets the mirror, (2,) [m] each."""
     normal = _normal()
     along = np.array([-normal[1], normal[0]])
 
@@ -169,7 +177,7 @@ def _ghost(radius: float, target: Array) -> tuple[Array, Array]:
 
 
 def _measured(work: Work, radius: float, *, points: int) -> dict[str, float]:
-    """Growth, width, level and place of the point by way of one mirror."""
+    """Growth of the cell, width, level and place of the point's ghost in one mirror."""
     middle, leaving = _target(), _leaving()
     across = np.array([-leaving[1], leaving[0]])
     ghosts, tops = [], []
@@ -195,18 +203,18 @@ def _measured(work: Work, radius: float, *, points: int) -> dict[str, float]:
 
 
 def pencil(radius: Array | float) -> Array:
-    """How much wider than after a flat mirror a pencil of rays is at the point: ``1 + 2 r1 s / (R cos i (r1 + s))``."""
+    """Width of a pencil of rays at the point, over that after a flat mirror: ``1 + 2 r1 s / (R cos i (r1 + s))``."""
     before = float(np.linalg.norm(HIT))
     return np.asarray(1.0 + 2.0 * before * REST / (np.asarray(radius) * np.cos(INCIDENCE) * (before + REST)))
 
 
 def fan(radius: float, count: int) -> tuple[Array, Array, Array]:
-    """Rays from the middle of the array that a pillar reflects, up to grazing incidence.
+    """Rays from the middle of the array that a pillar reflects, up to the angle of incidence `GRAZING`.
 
     Returns
     -------
     hit, way, out : (rays, 2) arrays
-        Where they meet it [m], and their directions before and after.
+        Where the rays meet the pillar [m], and their directions before and after.
     """
     center = HIT - radius * _normal()
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, count) + np.arctan2(*-center[::-1])
@@ -219,14 +227,14 @@ def fan(radius: float, count: int) -> tuple[Array, Array, Array]:
 
 
 def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
-    """Over how many degrees the array sees a pillar, and how many degrees it shows, up to grazing incidence."""
+    """Angles [degree] that a pillar fills as the array sees it, and that it shows of the room, up to `GRAZING`."""
     _, *ways = fan(radius, count)
     seen, shown = (np.degrees(np.ptp(np.unwrap(np.arctan2(way[:, 1], way[:, 0])))) for way in ways)
     return float(seen), float(shown)
 
 
 def _blind(scene: Scene, sweep: xr.Dataset) -> dict[str, float]:
-    """What the sweep alone gives, with curved mirrors and without."""
+    """Hidden F-scores of reconstructions from the sweep alone, with and without a search for curved mirrors."""
     image = mf.focus(sweep, tolerance=1e-3)
     pillar: Any = next(surface for surface in scene.surface if surface.name == "pillar")
     found = {}
@@ -244,7 +252,7 @@ def _unit(name: str) -> str:
 
 
 def _numbers(data: xr.Dataset) -> dict[str, float]:
-    """What the claims rest on."""
+    """The numbers that the claims rest on."""
     example, round_ = data.sel(radius=EXAMPLE), data.isel(radius=np.isfinite(data["radius"].values))
     flat = data.sel(radius=np.inf)
     return {
@@ -266,7 +274,7 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
 
 
 def _claims(numbers: dict[str, float], scenes: int) -> tuple[Claim, ...]:
-    """View gained, resolution and level lost, and what it is good for."""
+    """Claims on the view that is gained, the resolution and level that are lost, and the folded scenes."""
     gained, off = numbers["shown_deg"] / numbers["seen_deg"], numbers["growth_off_most"]
     return (
         Claim(
@@ -336,7 +344,7 @@ def _table(data: xr.Dataset) -> Table:
 
 
 def _view_figure() -> Figure:
-    """Rays from the array and where the pillar sends them."""
+    """Rays from the array to the pillar, and on after their reflection."""
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     axes = figure.subplots()
     center = HIT - EXAMPLE * _normal()

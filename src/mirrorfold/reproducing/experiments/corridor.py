@@ -1,4 +1,9 @@
-"""The entrance of a corridor: two walls at right angles, and what one of them shows around the corner (Fig. 6)."""
+"""The entrance of a corridor: two walls at right angles, and what one of them shows around the corner (Fig. 6).
+
+The radar sees the two walls. The outer wall is the mirror: it shows a mannequin, a wall and a metal box, all hidden
+around the corner. The experiment measures the angle between the walls that were found, how well the hidden surfaces are
+folded to their places, and how bright the box is. It repeats this in random corridors and with boxes of other textures.
+"""
 
 from __future__ import annotations
 
@@ -55,10 +60,11 @@ HALF_CELL = 0.0175
 """Half the diagonal of the resolution cell in the focus of the beam [m]."""
 
 FRONT_DB = -30.0
+"""Floor of the pictures of the hidden surfaces [dB]."""
 
 
 def run(work: Work) -> Findings:
-    """The shipped corridor; random ones; and boxes of smoother metal."""
+    """Fold the shipped corridor, random corridors, and the shipped one with boxes of other textures."""
     beams, frequencies = work.size((81, 901), (61, 901))
     draws = work.size(6, 0)
     textures = work.size((0.0, 0.01, 0.03, 0.1, 1.0), (0.03,))
@@ -151,7 +157,7 @@ def run(work: Work) -> Findings:
 
 
 def judge(seen: xr.DataTree, scene: Scene3D, body: Folded, view: Facing) -> dict[str, float]:
-    """Numbers of one corridor."""
+    """Errors, levels and shares of one corridor, by name."""
     mirrors, (mirror, across) = mirror_errors(seen, faces(scene)), in_view(seen, scene)
     error = next(row for row in mirrors if row.surface == MIRROR and row.generation == 1)
     step = float(np.diff(scene.scanner.angles[0]).mean())
@@ -178,7 +184,7 @@ def judge(seen: xr.DataTree, scene: Scene3D, body: Folded, view: Facing) -> dict
 
 
 def _draw(seed: int) -> dict[str, float]:
-    """Numbers of a random corridor."""
+    """Simulate and fold a random corridor; returns its numbers."""
     scene = families.draw(FAMILY, seed)
     assert isinstance(scene, Scene3D)
     seen = without_pictures(mf.simulate(scene, snr_db=SNR_DB, bounces=2, seed=seed))
@@ -186,7 +192,7 @@ def _draw(seed: int) -> dict[str, float]:
 
 
 def _view(reconstruction: xr.DataTree, scene: Scene3D) -> tuple[Folded, Facing, Wall]:
-    """The hidden points, the view of the mannequin from the radar's image, and the wall that shows it."""
+    """The hidden points, the view of the mannequin from the radar's mirror image, and the wall that shows it."""
     body = bodies.folded(reconstruction, scene)
     mine = body.of("mannequin")
     chains, counts = np.unique(body.points["chain"].values[mine], return_counts=True)
@@ -195,7 +201,7 @@ def _view(reconstruction: xr.DataTree, scene: Scene3D) -> tuple[Folded, Facing, 
 
 
 def _hidden_figure(body: Folded, view: Facing, scene: Scene3D) -> Figure:
-    """All that the outer wall shows: as seen from the radar's image in it, and from above."""
+    """The folded hidden points, drawn as seen from the radar's mirror image in the outer wall, and from above."""
     mine = np.isin(body.surface, HIDDEN)
     place, amplitude = body.place[mine], body.points["amplitude"].values[mine].astype(float)
     flat = view.flat(place)
@@ -221,7 +227,7 @@ def _hidden_figure(body: Folded, view: Facing, scene: Scene3D) -> Figure:
 
 
 def _surfaces(body: Folded, view: Facing, scene: Scene3D) -> Table:
-    """What is hidden, one by one."""
+    """A row for each hidden surface."""
     step, rows = float(np.diff(scene.scanner.angles[0]).mean()), []
     for name in HIDDEN:
         mine = body.of(name)
@@ -255,7 +261,7 @@ ROWS: tuple[Row, ...] = (
 
 
 def _claims(numbers: dict[str, Any], levels: dict[float, float], draws: int) -> tuple[Claim, ...]:
-    """Each with its criterion."""
+    """The claims, each with the criterion by which it is judged."""
     off = numbers["angle_between_deg"] - 90.0
     family = (
         f"; {draws} random corridors: {numbers['family_angle_between_mean_deg']:.3f} +- "

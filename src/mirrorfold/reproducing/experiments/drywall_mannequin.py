@@ -1,4 +1,10 @@
-"""A drywall at an oblique angle shows a mannequin beside it, and an L of foil under its shirt (published Fig. 5)."""
+"""A drywall at an oblique angle shows a mannequin beside it, and an L of foil under its shirt (published Fig. 5).
+
+The experiment folds a raster scan of the scene and judges the place of the wall, the outline and the pose of the folded
+body, and the brightness of the foil against a control without foil. It also measures how thick the wall appears:
+walls that scatter inside down to several depths are compared with one that scatters on its face alone. Random walls
+and bodies show how far the numbers vary.
+"""
 
 from __future__ import annotations
 
@@ -41,23 +47,24 @@ from mirrorfold.simulation.raster.speckle import diffuse_share
 FIGURE = "Fig. 5"
 
 FAMILIES = ("raster shallow", "raster deep")
-"""Walls at 30 to 60 degrees that scatter inside down to 3 to 10 and to 15 to 30 mm; bodies in any place and pose."""
+"""Families of random scenes: walls at 30 to 60 degrees, and bodies in any place and pose. The walls of the first family
+scatter inside down to a depth of 3 to 10 mm, those of the second down to 15 to 30 mm."""
 
 SPOT = 0.017
 """Radius of the beam in its focus [m]."""
 
 ARM = 0.35
-"""Length of an arm over which its angle is taken, a fifth of the height of a body [m]."""
+"""Length of the part of an arm from which its angle is determined [m]: a fifth of the height of a body."""
 
 LEVEL = 0.3
 """Height of the horizontal section [m]: through the chest."""
 
 FRONT_DB = -25.0
-"""Floor of the pictures of the body: speckle fades by 10 dB, and foil outshines cloth by more."""
+"""Floor of the pictures of the body [dB]: speckle fades by 10 dB, and foil outshines cloth by more than that."""
 
 
 def run(work: Work) -> Findings:
-    """The scene with and without the foil; walls of several depths; random walls and bodies."""
+    """Fold the scene with and without the foil, walls that scatter to several depths, and random walls and bodies."""
     beams, frequencies = work.size((121, 1001), (71, 801))
     draws = work.size(6, 0)
     depths, seeds = work.size(((0.0, 0.005, 0.015, 0.03), 5), ((0.0, 0.015), 2))
@@ -135,7 +142,7 @@ def run(work: Work) -> Findings:
 
 
 def judge(seen: xr.DataTree, without: xr.DataTree, scene: Scene3D, body: Folded, view: Facing) -> dict[str, float]:
-    """Numbers of one scene: `seen` with the foil, `without` it."""
+    """The numbers of one scene, from its reconstructions `seen` with the foil and `without` it."""
     mirrors = (one for one in mirror_errors(seen, faces(scene)) if one.surface == "drywall")
     mirror = min(mirrors, key=lambda one: one.generation)
     step = float(np.diff(scene.scanner.angles[0]).mean())
@@ -164,7 +171,7 @@ def judge(seen: xr.DataTree, without: xr.DataTree, scene: Scene3D, body: Folded,
 
 
 def _draw(seed: int, total: int, work: Work) -> dict[str, float]:
-    """Numbers of a random scene of one of the families in turn."""
+    """The numbers of a random scene; the seeds take the families in turn."""
     scene = families.draw(FAMILIES[seed % len(FAMILIES)], seed)
     assert isinstance(scene, Scene3D)
     solid = tuple(one for one in scene.surface if not isinstance(one, Patch))
@@ -175,14 +182,14 @@ def _draw(seed: int, total: int, work: Work) -> dict[str, float]:
 
 
 def _view(reconstruction: xr.DataTree, scene: Scene3D) -> tuple[Folded, Facing]:
-    """The hidden points, and the view of the body from the radar's image in the wall that shows it."""
+    """The hidden points, and the view of the body from the radar's mirror image in the wall that shows it."""
     body = bodies.folded(reconstruction, scene)
     radar = np.array(scene.scanner.origin)
     return body, bodies.facing(body.place[body.of("mannequin")], walls_of(reconstruction)[0], radar)
 
 
 def _front_figure(body: Folded, bare: Folded, view: Facing, scene: Scene3D, step: float) -> Figure:
-    """The body with and without the foil at one scale, and its silhouette over the true one."""
+    """The body with and without the foil, at the same scale, and its silhouette over the true one."""
     seen, true = bodies.silhouettes(body, "mannequin", view, step)
     u, z = true["across"].values, true["height"].values
     fine = [np.arange(axis[0], axis[-1], plot_volume.CELL) for axis in (u, z)]
@@ -213,13 +220,13 @@ def _front_figure(body: Folded, bare: Folded, view: Facing, scene: Scene3D, step
 
 
 def _flat(body: Folded, view: Facing) -> tuple[Array, Array, Array]:
-    """Places across and up [m], and amplitudes, of the points on the body."""
+    """Places of the points on the body, across and height [m], and the points' amplitudes."""
     mine = body.of("mannequin")
     return *view.flat(body.place[mine]).T, body.points["amplitude"].values[mine].astype(float)
 
 
 def _predicted_contrast(scene: Scene3D) -> float:
-    """What the foil scatters over what the cloth does where both are met head on [dB]."""
+    """Power that the foil scatters over power that the cloth scatters, both at normal incidence [dB]."""
     frequency, head_on = 0.5 * (scene.band.start + scene.band.stop), np.ones(1)
     foil = next(one for one in scene.surface if isinstance(one, Patch))
     cloth = next(one for one in scene.surface if one.name == foil.on)
@@ -251,7 +258,7 @@ ROWS: tuple[Row, ...] = (
 
 
 def _claims(numbers: dict[str, Any], draws: int) -> tuple[Claim, ...]:
-    """Each with its criterion."""
+    """The claims, each with the criterion by which it is judged."""
     more, error = numbers["thicker_m"], numbers["thicker_se_m"]
     half_cell = 0.5 * float(np.hypot(0.01, 2 * SPOT))
     limit = float(np.degrees(np.arctan(numbers["outline_blur_m"] / ARM)))

@@ -1,4 +1,4 @@
-"""Errors of mirrors and of antennas: how far they move what is folded, fold by fold."""
+"""Errors of mirrors and of antennas: how far they move folded points, by the number of folds."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ ANGLE_DEG, OFFSET = 0.1, 1e-3
 """Standard deviations of the mirrors' errors [degree, m]: those of good fits to rough walls."""
 
 KINDS = {"angle": (ANGLE_DEG, 0.0), "offset": (0.0, OFFSET)}
-"""Mirrors are turned, or moved."""
+"""Standard deviations [degree, m] of the two kinds of errors: mirrors are turned, or moved along their normal."""
 
 SPREADS = (20e-6, 50e-6, 100e-6, 150e-6)
 """Standard deviations of random errors of the antennas' positions, along each axis [m]."""
 
 TRIALS = 2000
-"""Random errors of the mirrors for each place of the target, folded by the formulas alone."""
+"""Number of random errors of the mirrors for each place of the target. These are folded by the formulas alone."""
 
 ALLOWED = 0.01
-"""How far a folded point may be off in the rule for a laboratory [m]: half a width at -3 dB."""
+"""Largest error of a folded point in the rule for a laboratory [m]: half a resolution width at -3 dB."""
 
 CLOSE = 0.1
-"""Relative difference up to which a measured error agrees with its propagation."""
+"""Largest relative difference at which a measured error agrees with its propagation."""
 
 FAMILIES = ("two walls", "three bounces")
-"""Random scenes in which the stated errors are judged."""
+"""Families of random scenes in which the errors that reconstructions state are judged."""
 
 MOST_ASTRAY = 3.0
-"""Standard errors that a stated error may be too small by before it is called wrong."""
+"""Number of standard errors by which a stated error may be too small before it is called wrong."""
 
 
 def run(work: Work) -> Findings:
-    """Perturb mirrors that are given, then antennas; then ask whether what the program says of its errors is true."""
+    """Perturb given mirrors, then antennas; then compare the errors that reconstructions state with the true errors."""
     draws, scenes, families = work.size(16, 8), work.size(6, 1), work.size(FAMILIES, FAMILIES[:1])
     steps = 3 + len(families) * scenes
     moved = mirror_errors(range(draws))
@@ -125,7 +125,7 @@ def run(work: Work) -> Findings:
 
 
 def perturbed(line: Array, pivot: Array, angle: Array | float, offset: Array | float) -> Array:
-    """A mirror (2, 2) [m], turned about a point by angles [rad] (...), and moved along its normal by offsets [m] (...).
+    """A mirror (2, 2) [m], turned by angles (...) [rad] about a point, and moved by offsets (...) [m] along its normal.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def perturbed(line: Array, pivot: Array, angle: Array | float, offset: Array | f
 
 
 def folded(place: Array, lines: Sequence[Array]) -> Array:
-    """A place of the image folded by mirrors of the image (..., 2, 2) [m], the last one first."""
+    """A place of the image, reflected at mirrors of the image (..., 2, 2) [m], at the last mirror first."""
     for line in reversed(lines):
         normal = segment_normal(line[..., 0, :], line[..., 1, :])
         place = place - 2.0 * np.sum((place - line[..., 0, :]) * normal, axis=-1, keepdims=True) * normal
@@ -145,13 +145,13 @@ def folded(place: Array, lines: Sequence[Array]) -> Array:
 
 
 def met(ghost: Array, line: Array) -> Array:
-    """Where the way from the radar, at the origin, to a place of the image meets a mirror of the image [m]."""
+    """Where the line from the radar, at the origin, to a place of the image meets a mirror of the image [m]."""
     normal = segment_normal(*line)
     return np.asarray(ghost * float(line[0] @ normal) / float(ghost @ normal))
 
 
 def mirror_errors(seeds: range) -> xr.Dataset:
-    """How far targets are off by the formulas, over random errors, and by propagation, (draw, kind, folds) [m]."""
+    """Errors of folded targets, (draw, kind, folds) [m]: by the formulas with random mirror errors, and propagated."""
     random = np.random.default_rng(seeds.start)
     measured, predicted, lever = (np.zeros((len(seeds), len(KINDS), len(CHAINS) - 1)) for _ in range(3))
     for row, seed in enumerate(seeds):
@@ -160,7 +160,7 @@ def mirror_errors(seeds: range) -> xr.Dataset:
         for folds in range(1, len(CHAINS)):
             ghost = unfolding(mirrors, CHAINS[folds]).inverse(target)
             pivots = [met(ghost, line) for line in lines[:folds]]
-            # What a mirror reflects has been folded by the deeper ones before.
+            # At each mirror, the ghost has been folded by the deeper mirrors before.
             shown = [folded(ghost, list(lines[before:folds])) for before in range(1, folds + 1)]
             ways = np.linalg.norm(np.array(shown) - np.array(pivots), axis=1)
             for column, (angle, offset) in enumerate(KINDS.values()):
@@ -184,7 +184,9 @@ def mirror_errors(seeds: range) -> xr.Dataset:
 
 
 def _folded_by_program(work: Work) -> tuple[float, float]:
-    """The same by `mirrorfold.fold` with given mirrors, in the first draw: over the formulas, and difference [m]."""
+    """The first draw, folded by `FoldPlan` about perturbed mirrors: error over that of the formulas, and largest
+    distance of a folded echo from where the formulas put it [m].
+    """
     mirrors, target = drawn(0)
     scene = hall_scene(mirrors, target, elements=work.size(161, 101), points=work.size(401, 281))
     sweep = work.sweep(scene, bounces=len(CHAINS) - 1)
@@ -192,7 +194,7 @@ def _folded_by_program(work: Work) -> tuple[float, float]:
     plan, lines, random = FoldPlan(image), image_mirrors(mirrors), np.random.default_rng(1)
 
     def places(given: Array, chosen: dict[str, tuple[float, float]] | None) -> dict[str, tuple[Array, Array]]:
-        """Where the strongest echo of the target by way of each chain, or a chosen one, stands: before and after."""
+        """Places before and after folding of the echo of each chain nearest to the target's ghost, or to `chosen`."""
         points = plan.fold(mirrors=given).children["objects"].to_dataset(inherit=False)
         initial = np.column_stack([points["x_initial"], points["y_initial"]])
         found = {}
@@ -222,7 +224,7 @@ def _folded_by_program(work: Work) -> tuple[float, float]:
 
 
 def _stated(sweep: xr.Dataset, scene: Scene) -> dict[str, list[float]]:
-    """What the reconstruction of a sweep states of its errors."""
+    """The errors of the reconstruction of a sweep, over the standard errors that it states."""
     return stated_errors(mf.reconstruct(sweep), scene)
 
 
@@ -250,7 +252,7 @@ def _numbers(moved: xr.Dataset, antennas: xr.Dataset, stated: dict[str, Array]) 
 
 
 def _level_db(spread: Any) -> Any:
-    """What random errors along the line of sight [m], of transmitters and receivers, cost in the mean [dB]."""
+    """Mean level [dB] that a point loses by random errors [m] of all antennas along the line of sight."""
     return -20.0 / np.log(10.0) * (np.pi * (START + STOP) / speed_of_light * np.asarray(spread)) ** 2
 
 
@@ -311,7 +313,7 @@ def _mirror_table(moved: xr.Dataset) -> Table:
 
 
 def _rule(moved: xr.Dataset) -> Table:
-    """How exact mirrors must be, for points that are off by no more than is allowed, half by angle, half by offset."""
+    """The errors of mirrors that move points by `ALLOWED`, if angle and offset have equal shares in the mean square."""
     part = ALLOWED / np.sqrt(2.0)
     rows = [
         [LABELS[n], f"{np.degrees(part / (2.0 * np.sqrt(n))):.2f}", f"{1e3 * part / (2.0 * np.sqrt(n)):.1f}"]

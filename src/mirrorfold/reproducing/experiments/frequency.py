@@ -1,4 +1,9 @@
-"""Two walls from 60 GHz to 1 THz: quality against frequency, roughness, aperture and bandwidth, and what decides it."""
+"""Two walls from 60 GHz to 1 THz: quality against frequency, roughness, aperture and bandwidth, and what decides it.
+
+The same scenes are folded for many radars and walls. Two lengths explain the scores at all frequencies: the length of
+the wall in resolution cells decides whether the wall is found; the distance at which a point counts as right, in
+cells, decides the F-score of the folded points. `quality_table` turns both into the table of expected quality.
+"""
 
 from __future__ import annotations
 
@@ -25,27 +30,30 @@ from mirrorfold.reproducing.parts.two_walls_family import Row, Setting, judged
 from mirrorfold.reproducing.work import Work
 
 SHARE, FIXED = 0.034, 10e9
-"""Bandwidth: this share of the frequency, as 10 GHz are of 295 GHz; or this [Hz]."""
+"""The two assumptions on the bandwidth: a share of the frequency, that of 10 GHz in 295 GHz; or a fixed one [Hz]."""
 
 APERTURES = (0.04, 0.08, 0.16)
+"""Apertures of the radars [m]; the second is the published one."""
+
 ROUGHNESSES = ((0.02e-3, 0.2e-3), (0.05e-3, 0.2e-3), (0.1e-3, 0.2e-3), (0.2e-3, 0.8e-3))
 """Rms height and correlation length of the walls [m]; the second is the published one."""
 
 LONG_CORRELATION = 1e-3
-"""Of all heights in the scenes that full waves are solved for [m]: 0.2 mm would take as many unknowns at 60 GHz as at
-300 GHz."""
+"""Correlation length of all rough surfaces in the scenes that full waves are solved for [m]: 0.2 mm would take as many
+unknowns at 60 GHz as at 300 GHz."""
 
 WAVE_TOLERANCE = 5e-3
+"""Tolerance of the full waves."""
 
 MATERIALS = ("concrete", "plasterboard", "wood")
 """Walls that mirror 6, 10 and 13 dB less than a conductor at 45 degrees."""
 
 GOOD = 0.9
-"""A hidden F-score, or a share of scenes, that a reader can rely on."""
+"""Least hidden F-score, or share of scenes, that a reader can rely on."""
 
 
 def run(work: Work) -> Findings:
-    """All scenes, one after the other, and what they have in common."""
+    """Fold all scenes, and make the table of expected quality of those that were simulated by rays."""
     tasks = _tasks(work.quick)
     rows: list[Row] = []
     for number, (group, setting, seed, options) in enumerate(tasks):
@@ -140,18 +148,18 @@ def _tasks(quick: bool) -> list[Task]:
 
 
 def _scenes(frequency: float) -> int:
-    """How many scenes: computing grows with the third power of frequency."""
+    """Number of scenes at a frequency [Hz]; fewer at high ones, as computing grows with the third power."""
     return 4 if frequency < 250e9 else 3 if frequency < 400e9 else 2
 
 
 def _of(rows: list[Row], group: str, **wanted: float) -> list[Row]:
-    """Rows of a group at the published roughness and aperture, but for what is wanted otherwise."""
+    """Rows of a group at the published roughness and aperture, unless `wanted` names another value."""
     usual = {"aperture": 0.08, "rms_height": 0.05e-3} | wanted
     return [row for row in rows if row["group"] == group and all(np.isclose(row[k], v) for k, v in usual.items())]
 
 
 def _numbers(rows: list[Row]) -> dict[str, float]:
-    """Means and standard errors by frequency, lowest good frequencies, and what roughness and full waves change."""
+    """Means and standard errors by frequency; lowest good frequencies; effects of roughness and of full waves."""
     numbers: dict[str, float] = {}
     for group, label in (("3.4 percent", "share"), ("10 GHz", "fixed")):
         usual = _of(rows, group)
@@ -181,7 +189,7 @@ def _numbers(rows: list[Row]) -> dict[str, float]:
 
 
 def _lowest_good(rows: list[Row], name: str) -> float | None:
-    """The lowest frequency from which on the mean is good at all frequencies [Hz]."""
+    """The lowest frequency [Hz] from which on the mean is at least `GOOD` at all frequencies; None if there is none."""
     lowest = None
     for f in sorted({row["frequency"] for row in rows}, reverse=True):
         found = mean_error([row[name] for row in rows if row["frequency"] == f])
@@ -192,7 +200,7 @@ def _lowest_good(rows: list[Row], name: str) -> float | None:
 
 
 def _pairs(rows: list[Row], name: str) -> list[tuple[float, float]]:
-    """The same scene by full waves and by rays."""
+    """One score of each scene by full waves and by rays, where both are known."""
     rays = {(row["frequency"], row["seed"]): row[name] for row in rows if row["group"] == "rays beside full waves"}
     waves = [row for row in rows if row["group"] == "full waves"]
     pairs = [(row[name], rays[row["frequency"], row["seed"]]) for row in waves]
@@ -200,7 +208,7 @@ def _pairs(rows: list[Row], name: str) -> list[tuple[float, float]]:
 
 
 def _claims(numbers: dict[str, float], rows: list[Row]) -> tuple[Claim, ...]:
-    """Questions, for nothing is published but the answer at 0.3 THz."""
+    """Questions with our answers, because nothing is published but the result at 0.3 THz."""
 
     def from_on(label: str, name: str) -> str:
         lowest = numbers.get(f"{label}_lowest_good_{name}_ghz")
@@ -276,7 +284,7 @@ def _text(numbers: dict[str, float], table: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _expected_tables(table: dict[str, Any]) -> tuple[Table, ...]:
-    """The two factors of the expected F-score."""
+    """A table for each of the two factors of the expected F-score."""
     made = []
     titles = {
         "found": "Chance that the wall is found, by its length in cells",
@@ -297,11 +305,11 @@ UNITS = {
     "frequency": "Hz", "bandwidth": "Hz", "aperture": "m", "rms_height": "m", "correlation_length": "m",
     "accuracy_m": "m", "angle_deg": "degree", "cell_m": "m", "mirrored_db": "dB",
 }  # fmt: skip
-"""Of the columns; the others are shares and counts."""
+"""Units of the columns; the other columns are shares and counts."""
 
 
 def _data(rows: list[Row]) -> xr.Dataset:
-    """All scenes."""
+    """The scores of all scenes."""
     columns = [name for name in rows[0] if name not in ("group", "material")]
     values = {
         name: np.array([np.nan if row[name] is None else row[name] for row in rows], dtype=float) for name in columns

@@ -1,4 +1,8 @@
-"""The principle: a mirror shows a ghost, and one reflection puts it back; what is seen in two mirrors takes two."""
+"""The principle: a mirror shows a ghost, and one reflection puts it back; a ghost in two mirrors takes two reflections.
+
+A post is seen in line of sight, by way of one wall, and by way of two walls. The echoes of each way are compared with
+the mirror image of the post, and the folded echoes with the post itself.
+"""
 
 from __future__ import annotations
 
@@ -23,21 +27,21 @@ LEFT = ((-0.62, 1.05), (-0.50, 2.10))
 """Ends of the walls [m]."""
 
 POST, RADIUS = (0.0, 1.45), 0.06
-"""Middle and radius of a post that the radar sees directly, too [m]."""
+"""Middle and radius of the post [m], which the radar also sees directly."""
 
 REACH = 0.3
-"""How far from the middle of the post's image an echo may stand to be one of the post [m]: nothing else is so near."""
+"""Echoes up to this distance from the middle of the post's image are of the post [m]: nothing else is so near."""
 
 FOLDS = {"": "in line of sight", "0": "in the right wall", "0/0": "in the left wall, seen in the right wall"}
-"""The ways by which the post is seen, by their chains."""
+"""How the post is seen, by the chain of mirrors."""
 
 WALL_ROUGHNESS = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 POST_ROUGHNESS = {"rms_height": 0.10e-3, "correlation_length": 0.2e-3}
-"""Those of the published simulations [m]."""
+"""Rms height and correlation length in the published simulations [m]."""
 
 
 def run(work: Work) -> Findings:
-    """One wall, then two: where the ghosts are, and where they are folded to."""
+    """Fold a scene with one wall, then one with two: where the ghosts stand, and where they are folded to."""
     figures, rows, numbers, parts = {}, [], {}, {}
     for number, walls in enumerate(({"right": RIGHT}, {"right": RIGHT, "left": LEFT}), 1):
         scene = _scene(walls, points=work.size(401, 301))
@@ -75,7 +79,7 @@ def run(work: Work) -> Findings:
 
 
 def _scene(walls: dict[str, tuple[tuple[float, float], tuple[float, float]]], *, points: int) -> Scene:
-    """Walls and the post, seen by the published array."""
+    """The floor plan of walls, by their ends [m], and the post, with the published array."""
     pieces = [
         {"name": name, "kind": "segment", "start": list(start), "end": list(end), "roughness": WALL_ROUGHNESS}
         for name, (start, end) in walls.items()
@@ -92,14 +96,14 @@ def _scene(walls: dict[str, tuple[tuple[float, float], tuple[float, float]]], *,
 
 
 def _of_post(points: xr.Dataset, chain: str) -> xr.Dataset:
-    """The echoes that came by way of a chain of mirrors, and stand near the post's image in them."""
+    """The echoes of objects that were assigned to a chain of mirrors and stand near the post's image in that chain."""
     place = np.column_stack([points["x_initial"], points["y_initial"]])
     near = np.linalg.norm(place - _image(chain), axis=-1) < REACH
     return points.isel(point=(points["chain"].values == chain) & (points["surface"].values == "object") & near)
 
 
 def _image(chain: str) -> Array:
-    """Where the true walls of a chain show the middle of the post (2,) [m]."""
+    """Mirror image (2,) [m] of the middle of the post in the true walls of a chain."""
     place = np.array(POST)
     for start, end in {"": (), "0": (RIGHT,), "0/0": (LEFT, RIGHT)}[chain]:
         place = Isometry.reflection(start, segment_normal(start, end))(place)
@@ -107,7 +111,7 @@ def _image(chain: str) -> Array:
 
 
 def _distances(seen: xr.Dataset, chain: str) -> tuple[float, float]:
-    """Mean distances [m] of echoes from the mirror image of the post, and of folded ones from the post itself."""
+    """Mean distances [m] of echoes from the mirror image of the post, and of the folded echoes from the post itself."""
     return (
         _from_circle(np.column_stack([seen["x_initial"], seen["y_initial"]]), _image(chain)),
         _from_circle(np.column_stack([seen["x"], seen["y"]]), np.array(POST)),
@@ -115,14 +119,14 @@ def _distances(seen: xr.Dataset, chain: str) -> tuple[float, float]:
 
 
 def _from_circle(points: Array, centre: Array) -> float:
-    """Mean distance of points (n, 2) from a circle as large as the post; infinite without points [m]."""
+    """Mean distance [m] of points (n, 2) from the circumference of a post at `centre`; infinite without points."""
     if not len(points):
         return float("inf")
     return float(np.abs(np.linalg.norm(points - centre, axis=-1) - RADIUS).mean())
 
 
 def _claims(numbers: dict[str, float]) -> tuple[Claim, ...]:
-    """The principle in three claims; a resolution cell is 3.5 cm, and half of it the limit."""
+    """The principle in four claims. The limit is half a resolution cell; a cell is 3.5 cm."""
     limit = 0.0175
     ghost, once = numbers["walls_2_bounces_1_ghost_to_image_m"], numbers["walls_2_bounces_1_folded_to_post_m"]
     deep, twice = numbers["walls_2_bounces_2_ghost_to_image_m"], numbers["walls_2_bounces_2_folded_to_post_m"]

@@ -1,4 +1,8 @@
-"""Resolution: how wide a point is, in line of sight and after one, two and three folds, and where it is put."""
+"""Resolution: how wide the image of a point is, in line of sight and after one to three folds, and where it stands.
+
+A point between two mirrors is imaged by way of none to three mirrors. Its widths at -3 dB in range and cross-range are
+compared with ``c / 2B`` and ``lambda r / D``, times the factors of the windows, with r the length of the whole path.
+"""
 
 from __future__ import annotations
 
@@ -26,26 +30,26 @@ from mirrorfold.reproducing.parts.point_image import PointImage
 from mirrorfold.reproducing.work import Work
 
 HALF = 3.2
-"""The image around each point reaches so many predicted widths to all sides."""
+"""Half the side of the image around each point, in predicted widths."""
 
 UNIFORM = 0.886
-"""Width of ``sinc(x)`` where it has fallen by 3 dB, in units of x: of a band without a taper."""
+"""Full width of ``sinc(x)`` at -3 dB, in units of x: range width for a band without a taper, over ``c / 2B``."""
 
 HANN = 1.441
-"""The same of the transform of a Hann window: what the taper costs in range, and its side lobes of -31 dB are worth."""
+"""The same for the transform of a Hann window. The taper widens echoes in range, but lowers side lobes to -31 dB."""
 
 BOTH_WAYS = 0.638
-"""The same of ``sinc(x)^2``, as both ways are focused by the same uniform array."""
+"""The same for ``sinc(x)^2``: the same uniform array focuses on the way out and on the way back."""
 
 CENTIMETRES = 0.05
-"""What is still called a resolution on the scale of centimetres [m]."""
+"""Largest width that counts as a resolution on the scale of centimetres [m]."""
 
 CLOSE = 0.05
-"""Relative difference up to which a measured width agrees with a predicted one."""
+"""Largest relative difference at which a measured width agrees with the predicted one."""
 
 
 def run(work: Work) -> Findings:
-    """Points at random places between two mirrors at random angles."""
+    """Image points at random places between two mirrors at random angles, by way of none to three mirrors."""
     draws, elements = work.size(16, 3), work.size(ELEMENTS, 101)
     found: list[list[dict[str, float]]] = []
     shown: list[tuple[Array, Array]] = []
@@ -104,12 +108,14 @@ def run(work: Work) -> Findings:
 def _measured(
     sweep: xr.Dataset, mirrors: dict[str, Array], target: Array, chain: tuple[str, ...]
 ) -> tuple[dict[str, float], tuple[Array, Array]]:
-    """Widths and position of the target as a chain shows it, with what is predicted; and places and levels about it."""
+    """Widths and position errors of the target's echo by way of a chain, measured and predicted, by name; and for the
+    picture the distances from the target along each axis [cm] and the levels around it [dB].
+    """
     fold = unfolding(mirrors, chain)
     ghost = fold.inverse(target)
     way = float(np.linalg.norm(ghost))
     sight = ghost / way
-    expected = ghost - RADIUS * sight  # the circle reflects on its near side
+    expected = ghost - RADIUS * sight  # the echo comes from the near side of the circle
     wavelength = 2.0 * speed_of_light / (START + STOP)
     cross, depth = wavelength * way / (sweep.sizes["tx"] * PITCH), speed_of_light / (2.0 * (STOP - START))
     reach = HALF * max(BOTH_WAYS * cross / sight[1], HANN * depth)
@@ -130,7 +136,7 @@ def _measured(
         "position_error_range_m": abs(float((top - expected) @ sight)),
         "position_error_cross_m": abs(float((top - expected) @ across)),
     }
-    # The picture is in true places: square pixels about the target, sampled where the mirrors show them.
+    # The picture shows true places: square pixels around the target, each sampled where the mirrors show it.
     side = np.linspace(-0.05, 0.05, 201)
     places = target + np.stack(np.meshgrid(side, side), axis=-1)
     where = fold.inverse(places)
@@ -163,12 +169,12 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
 
 
 def _standard_error(values: Array) -> float:
-    """Of a mean."""
+    """Standard error of the mean; NaN for a single value."""
     return float(values.std(ddof=1) / np.sqrt(values.size)) if values.size > 1 else float("nan")
 
 
 def _with_error(values: xr.DataArray, scale: float, digits: int) -> str:
-    """Mean and standard error of a column."""
+    """Mean and standard error of a column, times `scale`, as text."""
     return f"{scale * float(values.mean()):.{digits}f} +- {scale * _standard_error(values.values):.{digits}f}"
 
 
@@ -192,7 +198,7 @@ def _table(data: xr.Dataset) -> Table:
 
 
 def _claims(numbers: dict[str, float], draws: int) -> tuple[Claim, ...]:
-    """Centimetres; the textbook's formulas; and no loss by folding."""
+    """Claims on the scale of centimetres, on the textbook's formulas, on the cost of folding, and on positions."""
     largest = max(numbers["range_width_largest_m"], numbers["cross_width_largest_m"])
     deepest = len(CHAINS) - 1
     names = [f"{name}_width_over_predicted_{bounces}" for name in ("range", "cross") for bounces in range(deepest + 1)]
@@ -238,7 +244,7 @@ def _claims(numbers: dict[str, float], draws: int) -> tuple[Claim, ...]:
 
 
 def _points_figure(shown: list[tuple[Array, Array]], numbers: list[dict[str, float]]) -> Figure:
-    """The point spread at the true place, way by way."""
+    """The image of the point at its true place, a panel for each chain of mirrors."""
     figure = Figure(figsize=(10.4, 3.2), layout="constrained")
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True)
     for axes, (side, level), label, one in zip(panels, shown, LABELS, numbers, strict=True):
@@ -252,7 +258,7 @@ def _points_figure(shown: list[tuple[Array, Array]], numbers: list[dict[str, flo
 
 
 def _widths_figure(data: xr.Dataset) -> Figure:
-    """Widths against the length of the way."""
+    """Widths against the length of the path."""
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     panels = figure.subplots(1, 2)
     titles = ("range", "cross-range, times cos a")

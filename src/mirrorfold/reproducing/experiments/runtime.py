@@ -1,4 +1,9 @@
-"""How long the initial image and the folding take on this machine, beside the plain sum over all pixels."""
+"""How long the initial image and the folding take on this machine, compared with the plain sum over all pixels.
+
+The plain sum adds all samples for every pixel, in float64. It is timed on a few pixels and extrapolated. The claims are
+about the share of folding in the whole time, if the image is made by the plain sum, by a sum over pairs of antennas in
+single precision, or by the fast algorithm that `mirrorfold.focus` chooses.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +31,7 @@ from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
 
 EXTENT = (-1.2, 2.2, 0.6, 3.0)
-"""The part of the floor plan that is imaged, x0, x1, y0, y1 [m]: the walls, and what they show."""
+"""The part of the floor plan that is imaged, x0, x1, y0, y1 [m]: the walls, and the ghosts behind them."""
 
 PIXELS = {True: ((150, 200), (300, 400)), False: ((300, 400), (600, 800), (1200, 1600), (2000, 2000))}
 """Rows and columns of the images, of a quick run and of a full one."""
@@ -36,13 +41,13 @@ QUICK_BAND = Band(start=290e9, stop=300e9, points=241)
 """The radar of a quick run: half the published array, and half its frequencies."""
 
 SUM_PIXELS = 64
-"""On so many random pixels the plain sum is timed; all pixels cost the same."""
+"""Number of random pixels on which the plain sum is timed; all pixels cost the same."""
 
 PATCH = 64
-"""The sum over pairs is timed on so many rows and columns, drawn from all of the image."""
+"""The sum over pairs is timed on about this many rows and as many columns, evenly spaced over the whole image."""
 
 SMALL_OVERHEAD = 0.1
-"""A share of the whole time that counts as a small overhead."""
+"""Largest share of the whole time that counts as a small overhead."""
 
 NAMES = {
     "plan_s": "plan, once for each geometry",
@@ -52,21 +57,23 @@ NAMES = {
     "pairs_s": "sum over pairs, extrapolated",
     "sum_s": "plain sum, extrapolated",
 }
+"""The steps that are timed, and their names in tables and pictures."""
 
 
 @dataclass(frozen=True)
 class Timed:
-    """Times [s] of one size, each run by itself, and the error of the image.
+    """Times of all steps for one size of image, and the error of the image.
 
     Attributes
     ----------
     shape : (int, int)
-        Rows and columns.
+        Rows and columns of the image.
     seconds : dict of str to list of float
-        By the names in `NAMES`.
+        Times of all runs [s], by the names in `NAMES`.
     error : float
         Relative L2 error of the image against the float64 sum.
     algorithm : str
+        The algorithm that `FocusPlan` has chosen.
     """
 
     shape: tuple[int, int]
@@ -75,21 +82,21 @@ class Timed:
     algorithm: str
 
     def median(self, name: str) -> float:
-        """Of the runs [s]."""
+        """Median time of a step over all runs [s]."""
         return float(np.median(self.seconds[name]))
 
     @property
     def label(self) -> str:
-        """Such as 600x800."""
+        """Rows and columns, such as ``600x800``."""
         return "x".join(map(str, self.shape))
 
     def share(self, imaging: str) -> float:
-        """Of folding in the whole, where the image is made in one of three ways: `image_s`, `pairs_s` or `sum_s`."""
+        """Share of folding in the time of folding and imaging; `imaging` is `image_s`, `pairs_s` or `sum_s`."""
         return self.median("fold_s") / (self.median("fold_s") + self.median(imaging))
 
 
 def run(work: Work) -> Findings:
-    """Time every size, several times each."""
+    """Time all steps for every size of image, several times each."""
     scene = work.size(hidden_walls(), replace(hidden_walls(), array=QUICK_ARRAY, band=QUICK_BAND))
     sweep = work.sweep(scene)
     sizes, repeats = PIXELS[work.quick], work.size(9, 2)
@@ -142,7 +149,7 @@ def run(work: Work) -> Findings:
 
 
 def _time(sweep: xr.Dataset, shape: tuple[int, int], repeats: int) -> dict[str, Any]:
-    """Times of all steps for one size of image; the steps take turns, so that all meet the same disturbances."""
+    """Times of all steps for one size of image. The steps take turns, so that other work disturbs all of them alike."""
     rows, columns = shape
     grid: dict[str, Any] = {
         "x": np.linspace(*EXTENT[:2], columns),
@@ -199,7 +206,7 @@ def _figure(timed: list[Timed]) -> Figure:
 
 
 def _data(timed: list[Timed]) -> xr.Dataset:
-    """Every run of every step."""
+    """The times of every run of every step."""
     table = {
         name: (("size", "run"), np.array([one.seconds[name] for one in timed]), {"units": "s", "long_name": label})
         for name, label in NAMES.items()
@@ -210,7 +217,7 @@ def _data(timed: list[Timed]) -> xr.Dataset:
 
 
 def _table(timed: list[Timed], samples: str) -> Table:
-    """Medians."""
+    """A row of median times and shares for each size of image."""
     columns = ["pixels", *(f"{label} [s]" for label in NAMES.values())]
     columns += ["error of the image", "share of folding [%]", "beside the sum over pairs [%]", "and the plain sum [%]"]
     rows = [
@@ -222,7 +229,7 @@ def _table(timed: list[Timed], samples: str) -> Table:
 
 
 def _claims(timed: list[Timed]) -> tuple[Claim, ...]:
-    """What folding costs beside the image."""
+    """Claims on the share of folding in the whole time."""
     fast, pairs, plain = (max(one.share(imaging) for one in timed) for imaging in ("image_s", "pairs_s", "sum_s"))
     gains = [one.median("sum_s") / one.median("image_s") for one in timed]
     errors = max(one.error for one in timed)
@@ -254,5 +261,5 @@ def _claims(timed: list[Timed]) -> tuple[Claim, ...]:
 
 
 def _rounded(value: float) -> str:
-    """A number of two digits that count."""
+    """A number, rounded to two significant digits, as text."""
     return f"{float(f'{value:.2g}'):.0f}"

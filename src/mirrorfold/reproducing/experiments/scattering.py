@@ -1,4 +1,9 @@
-"""How walls mirror and scatter from microwaves to light: between both lies a window where they do the two at once."""
+"""How walls mirror and scatter from microwaves to light: in a window of frequencies in between they do both.
+
+A wall can be folded about only if it mirrors objects and also scatters enough power back to the radar to be found.
+At low frequencies a wall is too smooth to scatter; at high ones it is too rough to mirror. The window between both is
+computed for materials and roughnesses by formulas, and the specular loss of the formulas is tested by full waves.
+"""
 
 from __future__ import annotations
 
@@ -34,20 +39,22 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 MICROWAVE, TERAHERTZ, LIGHT = 10e9, 300e9, 545e12
-"""The three at which claims are judged [Hz]; light of 0.55 um."""
+"""The three frequencies at which claims are judged [Hz]; that of light is for a wavelength of 0.55 um."""
 
 GLOSSY = Dielectric(2.25, 0.0, 0.0, 0.0)
-"""Minerals, glass and cellulose at visible wavelengths: refractive indices of 1.46 to 1.6."""
+"""Walls at visible wavelengths: refractive index 1.5; those of minerals, glass and cellulose are 1.46 to 1.6."""
 
 RANGE, BANDWIDTH_SHARE, APERTURE, SEEN_DB = 3.0, 0.034, 0.08, 13.0
-"""Of the link budget: range [m], bandwidth as a share of the frequency, aperture [m], and what counts as seen [dB]."""
+"""For the link budget: range [m], bandwidth as a share of the frequency, aperture [m], and signal over noise from which
+a wall counts as visible [dB]."""
 
 CASES = ((0.05e-3, 0.2e-3, 0.0), (0.1e-3, 0.2e-3, 0.0), (0.1e-3, 0.2e-3, 45.0), (0.05e-3, 1e-3, 45.0))
-"""Rms height, correlation length [m] and angle of incidence [degree] of lines whose waves are solved for."""
+"""Rms height [m], correlation length [m] and angle of incidence [degree] of the rough lines that full waves are solved
+for."""
 
 
 def run(work: Work) -> Findings:
-    """Shares of the power, the window, and the specular loss of rough lines by full waves."""
+    """Compute shares of the power, the windows, and the specular loss of rough lines by full waves."""
     frequency = np.geomspace(10e9, 3e12, work.size(200, 60))
     angle = np.radians(np.linspace(0.0, 85.0, work.size(86, 18)))
     measured = _measured(work, CASES if not work.quick else CASES[1:2], work.size(24, 10))
@@ -98,7 +105,7 @@ def run(work: Work) -> Findings:
 
 
 def _measured(work: Work, cases: Sequence[tuple[float, float, float]], seeds: int) -> list[dict[str, float]]:
-    """The specular loss of random lines, solved as full waves, over that of a smooth line."""
+    """The mirrored amplitude of random rough lines over that of a smooth line, by full waves, for each case."""
     rows = []
     for done, (height, length, degrees) in enumerate(cases):
         rows.append(work.kept(partial(_line, height, length, degrees, seeds)))
@@ -107,11 +114,13 @@ def _measured(work: Work, cases: Sequence[tuple[float, float, float]], seeds: in
 
 
 def _line(height: float, length: float, degrees: float, seeds: int) -> dict[str, float]:
-    """Mean and standard error of the mirrored amplitude of rough lines, and what the formulas say of the same rays."""
+    """Mirrored amplitude of rough lines over that of a smooth line: mean and standard error over seeds, by full waves,
+    and the predictions of both formulas for the same pairs of antennas.
+    """
     smooth_scene, roughness = _line_scene(degrees), {"rms_height": height, "correlation_length": length}
     rough_scene = _line_scene(degrees, roughness)
     with warnings.catch_warnings():
-        # Two frequencies tell no ranges apart, and none are asked for here.
+        # The warning is about ambiguous ranges; two frequencies resolve none, and none is needed here.
         warnings.filterwarnings("ignore", message=".*strong echoes come from up to")
         smooth = mf.simulate(smooth_scene, solver="fullwave")["s"].values.astype(complex)
         rough = [mf.simulate(rough_scene, solver="fullwave", seed=seed)["s"].values for seed in range(seeds)]
@@ -131,11 +140,11 @@ def _line(height: float, length: float, degrees: float, seeds: int) -> dict[str,
 
 
 DISTANCE = 0.08
-"""Of the antennas from the line [m], eighty wavelengths: the first Fresnel zone holds 30 heights or more."""
+"""Distance of the antennas from the line [m], eighty wavelengths: the first Fresnel zone holds 30 heights or more."""
 
 
 def _line_scene(degrees: float, roughness: dict[str, float] | None = None) -> Scene:
-    """A conducting line, and antennas whose rays meet it at an angle."""
+    """A conducting line, and two arrays between which the specular ray meets the line at this angle of incidence."""
     aside = DISTANCE * float(np.tan(np.radians(degrees)))
     line: dict[str, Any] = {"name": "line", "kind": "segment", "start": [-0.05, DISTANCE], "end": [0.05, DISTANCE]}
     places = {"elements": 9, "pitch": 1e-3}
@@ -150,13 +159,13 @@ def _line_scene(degrees: float, roughness: dict[str, float] | None = None) -> Sc
 
 
 def _wall_snr_db(name: str, frequency: float) -> float:
-    """Signal over noise, in the image, of one resolution cell of an oblique wall that scatters by Lambert's law."""
+    """Signal over noise [dB] in the image of one resolution cell of an oblique wall that scatters by Lambert's law."""
     electronics = Instrument()
     wavelength = speed_of_light / frequency
     depth = speed_of_light / (2.0 * BANDWIDTH_SHARE * frequency)
     along = min(depth / np.sin(OBLIQUE), wavelength * RANGE / APERTURE / np.cos(OBLIQUE))
     gain = 10.0 ** (electronics.gain_dbi / 10.0)
-    height = RANGE * np.sqrt(4.0 * np.pi / gain)  # of the beam, which is as wide as it is high
+    height = RANGE * np.sqrt(4.0 * np.pi / gain)  # height of the beam, which is as wide as it is high
     scattered = float(reflected(name, np.array(frequency), np.array(OBLIQUE), PAPER_ROUGHNESS)[1])
     section = 4.0 * scattered * np.cos(OBLIQUE) ** 2 * along * height
     power = 1e-3 * 10.0 ** (electronics.power_dbm / 10.0)
@@ -168,7 +177,7 @@ def _wall_snr_db(name: str, frequency: float) -> float:
 
 
 def _db(share: float) -> float:
-    """Decibels of a share of the power, not less than -400."""
+    """A share of the power in decibels, at least -400."""
     return float(10.0 * np.log10(max(share, 1e-40)))
 
 
@@ -189,11 +198,13 @@ def _numbers(windows: list[Window], measured: list[dict[str, float]]) -> dict[st
         numbers[f"{label}_deg_mirrored_light_db"] = _db(float(np.abs(GLOSSY.reflection(LIGHT, angle)) ** 2) * left)
     numbers["scattered_light_db"] = _db(float(np.abs(GLOSSY.reflection(LIGHT, OBLIQUE)) ** 2))
     for window in windows:
-        key = f"{window.name}_{_micrometres(window.roughness)}"
+        key = f"{window.name}_{_roughness_key(window.roughness)}"
         numbers[f"{key}_window_start_ghz"] = window.visible[INVISIBLE_DB] / 1e9
         numbers[f"{key}_window_stop_ghz"] = window.mirrors / 1e9
     for row in measured:
-        key = f"line_{_micrometres((row['rms_height_m'], row['correlation_length_m']))}_{row['incidence_deg']:.0f}_deg"
+        key = (
+            f"line_{_roughness_key((row['rms_height_m'], row['correlation_length_m']))}_{row['incidence_deg']:.0f}_deg"
+        )
         for name in ("measured", "standard_error", "corrected", "ament"):
             numbers[f"{key}_{name}"] = row[name]
     for formula in ("corrected", "ament"):
@@ -202,17 +213,17 @@ def _numbers(windows: list[Window], measured: list[dict[str, float]]) -> dict[st
     return numbers
 
 
-def _micrometres(roughness: tuple[float, float]) -> str:
+def _roughness_key(roughness: tuple[float, float]) -> str:
     return f"h{1e6 * roughness[0]:.0f}_l{1e6 * roughness[1]:.0f}_um"
 
 
 def _claims(numbers: dict[str, float]) -> tuple[Claim, ...]:
-    """Three published claims, and the two edges of the window."""
+    """Three published claims, the two edges of the window, and the test of the formulas by full waves."""
     low = [numbers[f"{name}_scattered_10_ghz_db"] for name in MATERIALS]
     mirrored = [numbers[f"{name}_mirrored_300_ghz_db"] for name in MATERIALS]
     scattered = [numbers[f"{name}_scattered_300_ghz_db"] for name in MATERIALS]
     light = max(numbers["smoothest_45_deg_mirrored_light_db"], numbers["published_85_deg_mirrored_light_db"])
-    paper = _micrometres(PAPER_ROUGHNESS)
+    paper = _roughness_key(PAPER_ROUGHNESS)
     starts = [numbers[f"{name}_{paper}_window_start_ghz"] for name in MATERIALS]
     stops = [numbers[f"{name}_{paper}_window_stop_ghz"] for name in MATERIALS]
     both = min(mirrored) > DULL_DB and min(scattered) > INVISIBLE_DB
@@ -264,7 +275,7 @@ def _claims(numbers: dict[str, float]) -> tuple[Claim, ...]:
 
 def _text(numbers: dict[str, float]) -> tuple[str, ...]:
     """What can be learnt."""
-    paper = _micrometres(PAPER_ROUGHNESS)
+    paper = _roughness_key(PAPER_ROUGHNESS)
     return (
         "One quantity decides: the rms height in wavelengths, times the cosine of the angle. As long as it is small, "
         "the power that leaves the mirrored beam grows with its square; beyond one radian of phase the exponential "

@@ -1,4 +1,10 @@
-"""In the mirror or through it: what one polarization tells of echoes behind half-transparent walls, and what two."""
+"""In the mirror or through it: echoes behind half-transparent walls, distinguished with one and two polarizations.
+
+An echo behind a half-transparent wall is either the ghost of an object before it, which the wall reflected, or an
+object behind it, whose wave passed through the wall. Reflection and passage change the amplitudes of TE and TM
+differently, most of all near Brewster's angle. Random scenes are folded with one polarization and with both, at several
+angles of incidence and SNRs, and each decision is compared with the truth.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +38,12 @@ START, STOP = 116e9, 128e9
 """The band [Hz], for which a pane of glass is half transparent."""
 
 GRID: dict[str, Any] = {"x": np.arange(-1.4, 1.8, 0.006), "y": np.arange(0.4, 2.9, 0.006)}
-"""Pixels over all that the scenes show, ghosts included [m]: half a cell or less."""
+"""Pixels over everything that the scenes show, ghosts included [m]; steps of half a cell or less."""
 
 FAMILY = "glass door"
 
 SNR_DB = 20.0
-"""Of every sample of the sweep, where no other is stated [dB]."""
+"""Signal over noise of every sample of the sweep, unless another is stated [dB]."""
 
 METHODS = {
     "published": "published",
@@ -45,25 +51,25 @@ METHODS = {
     "one": "ours, one polarization",
     "two": "ours, two polarizations",
 }
-"""What is compared, and its name in tables and pictures."""
+"""The methods that are compared, and their names in tables and pictures."""
 
 ANGLES = (20.0, 30.0, 40.0, 50.0, 60.0, 70.0)
-"""Edges of the classes of incidence [degree]."""
+"""Edges of the classes of echoes by angle of incidence [degree]."""
 
 FEWEST = 10
-"""Echoes in a class of incidence, or at an SNR, that is drawn."""
+"""A class of incidence, or an SNR, is drawn only if it has at least this many echoes."""
 
 ASKED = 0.95
-"""Share of echoes that two polarizations should decide rightly."""
+"""Share of the echoes that two polarizations must decide rightly for the claim to agree."""
 
 PERMITTIVITIES = (2.5, 6.5)
-"""Between which those of the family lie."""
+"""Least and largest permittivity of the walls of the family."""
 
 COLOURS = {"opaque": "0.6", "one": "#56B4E9", "two": "#D55E00"}
 
 
 def run(work: Work) -> Findings:
-    """Random scenes with a half-transparent wall, folded with one polarization and with two, at several SNRs."""
+    """Fold random scenes with a half-transparent wall, with one polarization and with two, at several SNRs."""
     seeds: Sequence[int] = work.size(tuple(range(400, 412)), (1,))
     noises: Sequence[float] = work.size((20.0, 0.0, -20.0, -30.0, -40.0), (SNR_DB,))
     radar = radars_of(FAMILIES[FAMILY])[0]
@@ -120,7 +126,7 @@ def run(work: Work) -> Findings:
 
 
 def _judged(scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Sequence[str]) -> list[dict[str, Any]]:
-    """What every method makes of one scene at one SNR [dB]."""
+    """Scores and decisions of every method on one scene at one SNR [dB]."""
     noisy = mf.add_noise(sweep, snr_db=snr, seed=seed)
     images = mf.focus(noisy, tolerance=1e-3, **GRID)
     rows = []
@@ -130,54 +136,54 @@ def _judged(scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Seq
             image, own = image.sel(polarization="TE", drop=True), own.sel(polarization="TE", drop=True)
         found = OWN[method if method in OWN else "ours"](image, own)
         score = mf.score(found, scene)
-        told = behind(confident_points(found), scene)
+        decisions = behind(confident_points(found), scene)
         row: dict[str, Any] = {
             "seed": seed, "snr_db": snr, "method": method,
             "f_cells": float(score.f_score_cells or 0.0), "hidden_f_cells": float(score.hidden.f_score_cells or 0.0),
         }  # fmt: skip
-        if told is not None:
-            degrees = np.degrees(told.incidence)
-            told = told.take((degrees >= ANGLES[0]) & (degrees < ANGLES[-1]))
-            good = told.truth & told.taken
+        if decisions is not None:
+            degrees = np.degrees(decisions.incidence)
+            decisions = decisions.take((degrees >= ANGLES[0]) & (degrees < ANGLES[-1]))
+            good = decisions.truth & decisions.taken
             row |= {
-                "right": (told.taken == told.truth).tolist(),
-                "doubtful": doubted(told.passed).tolist(),
-                "truth": told.truth.tolist(),
-                "incidence_deg": np.degrees(told.incidence).tolist(),
-                "before_m": told.before[good].tolist(),
-                "after_m": told.after[good].tolist(),
+                "right": (decisions.taken == decisions.truth).tolist(),
+                "doubtful": doubted(decisions.passed).tolist(),
+                "truth": decisions.truth.tolist(),
+                "incidence_deg": np.degrees(decisions.incidence).tolist(),
+                "before_m": decisions.before[good].tolist(),
+                "after_m": decisions.after[good].tolist(),
             }
             if method == "two":
-                row["ratio_db"] = _ratios(images, told.initial).tolist()
+                row["ratio_db"] = _ratios(images, decisions.initial).tolist()
         rows.append(row)
     return rows
 
 
 def _ratios(images: xr.DataArray, places: Array) -> Array:
-    """TM over TE [dB] where a pair of images shows echoes, (n, 2) [m]."""
+    """Ratio TM / TE [dB] of the two images at the places of echoes, (n, 2) [m]."""
     at = {axis: xr.DataArray(place, dims="point") for axis, place in zip("xy", places.T, strict=True)}
     level = {name: np.abs(images.sel(polarization=name).sel(at, method="nearest").values) for name in ("TE", "TM")}
     return np.asarray(to_db(level["TM"] / level["TE"]))
 
 
 def _gathered(rows: Sequence[dict[str, Any]], name: str, method: str, snr: float = SNR_DB) -> Array:
-    """A column of all echoes of all scenes, by one method at one SNR [dB]."""
+    """The values of a column for all echoes of all scenes, by one method at one SNR [dB]."""
     found = [row.get(name, []) for row in rows if row["method"] == method and row["snr_db"] == snr]
     return np.concatenate([np.asarray(each, dtype=float) for each in found])
 
 
 def _decided(rows: Sequence[dict[str, Any]], method: str, snr: float = SNR_DB) -> Array:
-    """What was rightly decided, of all echoes that are not doubtful."""
+    """Whether each echo was decided rightly (1) or wrongly (0); doubtful echoes are left out."""
     return _gathered(rows, "right", method, snr)[_gathered(rows, "doubtful", method, snr) == 0.0]
 
 
 def _mean(values: Array) -> float | None:
-    """The mean, None of nothing."""
+    """The mean; None without values."""
     return float(np.mean(values)) if values.size else None
 
 
 def _numbers(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> dict[str, float | None]:
-    """What the claims rest on."""
+    """The numbers that the claims rest on."""
     numbers: dict[str, float | None] = {"echoes": float(_gathered(rows, "right", "two").size)}
     for method in METHODS:
         scores = [row for row in rows if row["method"] == method and row["snr_db"] == SNR_DB]
@@ -203,7 +209,7 @@ def _numbers(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> dict[st
 
 
 def _classes(rows: Sequence[dict[str, Any]], method: str) -> list[tuple[float, float]]:
-    """Middle of each class of incidence [degree] with enough echoes, and the share that is right."""
+    """Middle of each class of incidence [degree] with enough echoes, and the share that is decided rightly in it."""
     decided = _gathered(rows, "doubtful", method) == 0.0
     angle, right = (_gathered(rows, name, method)[decided] for name in ("incidence_deg", "right"))
     found = []
@@ -223,7 +229,7 @@ def _millimetres(length: float | None) -> str:
 
 
 def _claims(numbers: dict[str, float | None], scenes: int) -> tuple[Claim, ...]:
-    """The proposal, what one polarization can tell, places, and what it is good for."""
+    """Claims on two polarizations, on one, on the places of objects behind the wall, and on the F-scores."""
     two = numbers["right_two"] or 0.0
     return (
         Claim(
@@ -283,7 +289,7 @@ def _table(numbers: dict[str, float | None]) -> Table:
 
 
 def _data(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> xr.Dataset:
-    """What the pictures show: every echo at 20 dB as two polarizations take it, and shares by SNR."""
+    """The data of the pictures: every echo at 20 dB, as decided with two polarizations, and the right shares by SNR."""
     shares = {
         f"right_{method}": ("snr", [np.nan if (mean := _mean(_decided(rows, method, snr))) is None else mean
                                     for snr in noises], {"units": "1"})
@@ -297,9 +303,10 @@ def _data(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> xr.Dataset
 
 
 def _band_of(angle: Array, which: int) -> Array:
-    """TM over TE [dB] of two reflections or passages at angles (n,) [rad]: least and most over the family, (2, n).
+    """Ratio TM / TE [dB] after two reflections (`which` 0) or two passages (1) at angles (n,) [rad]: the least and the
+    largest over the permittivities of the family, (2, n).
 
-    The mean power over thicknesses that differ by a whole fringe.
+    The power is averaged over thicknesses that differ by up to a whole fringe.
     """
     wavenumber = np.pi * (START + STOP) / speed_of_light
     levels = []
@@ -311,7 +318,7 @@ def _band_of(angle: Array, which: int) -> Array:
 
 
 def _ratio_figure(rows: Sequence[dict[str, Any]]) -> Figure:
-    """TM over TE of every echo against incidence."""
+    """Ratio TM / TE of every echo against the angle of incidence."""
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()
     degrees = np.linspace(15.0, 75.0, 121)
@@ -347,7 +354,7 @@ def _decided_figure(rows: Sequence[dict[str, Any]], noises: Sequence[float]) -> 
 
 
 def _places_figure(rows: Sequence[dict[str, Any]]) -> Figure:
-    """Share of what passed that lies within a distance of the truth."""
+    """Share of the passed echoes within each distance of the truth, in the image and corrected."""
     figure = Figure(figsize=(6.4, 3.4), layout="constrained")
     axes = figure.subplots()
     for name, colour, label in (("before_m", "0.5", "in the image"), ("after_m", "#D55E00", "corrected")):

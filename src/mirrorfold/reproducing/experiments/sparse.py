@@ -1,4 +1,8 @@
-"""Few channels: random subsets of elements and frequencies, or random modes, imaged by l1 and folded."""
+"""Few channels: how small a random part of all channels, or how few random modes, suffice for imaging and folding.
+
+Each scene is measured by a part of its channels, or by modes of two apertures with random phases. The measurement is
+imaged by delay and sum, and by the sparse reconstruction that has the least l1 norm. Both images are folded and scored.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +29,15 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 FAMILIES = ("discs", "two walls")
-"""Both hide objects behind one wall and show them in another: small discs, or corners, arcs and discs."""
+"""Families of scenes. Both hide objects behind one wall and show them in another: small discs, or corners, arcs and
+discs."""
 
 KINDS = ("channels", "frequencies", "elements", "modes")
-"""What is chosen at random: any channels, frequencies, elements of either array, or phases of two apertures."""
+"""What is chosen at random: any channels, frequencies, elements of both arrays, or the phases of two apertures."""
 
 METHODS = ("delay and sum", "sparse", "sparse, not restored")
+"""Ways to image: the matched filter; the sweep that the sparse reconstruction predicts, focused; and the sparse image
+as it is."""
 
 MEASURES = {
     "f_cells": "hidden F at 1.5 cells",
@@ -38,22 +45,25 @@ MEASURES = {
     "mirrors": "mirrors found",
     "invented": "hidden points invented",
 }
-"""What is judged of each reconstruction; the last three, too, from 0 to 1."""
+"""The scores of each reconstruction, all from 0 to 1, and their names in tables."""
 
 SNR_DB = 20.0
-"""Signal over noise of a sample: noise is far below the echoes of walls, and near those of hidden objects."""
+"""Signal over noise of a sample [dB]: noise is far below the echoes of walls, and near those of hidden objects."""
 
 ENOUGH = 0.9
-"""A method serves where its mean quality is as large a share of that with all channels."""
+"""A method needs no more channels if its mean F-score is at least this share of the F-score with all channels."""
 
 EXAMPLE = ("channels", 0.1)
+"""What is chosen, and the share of it, in the example that is drawn."""
+
 LSQR_ITERATIONS = 20
+"""Iterations of the least-squares fit that finds which part of the samples no reflectivities explain."""
 
 Scores = dict[str, dict[str, float]]
 
 
 class Setting(NamedTuple):
-    """Sizes of a run."""
+    """Sizes of a run: families, radar, pixels x and y [m], shares of the channels, seeds, and iterations of FISTA."""
 
     families: tuple[str, ...]
     radar: Radar
@@ -65,7 +75,7 @@ class Setting(NamedTuple):
 
 
 def run(work: Work) -> Findings:
-    """Every scene, measured in every way, imaged by both methods and folded."""
+    """Measure every scene in every way, image each measurement by all methods, and fold the images."""
     setting = work.size(
         Setting(FAMILIES, _radar(75, 141), *_grid(0.0125, 0.0187), (0.5, 0.25, 0.1), tuple(range(4)), 100),
         Setting(FAMILIES[:1], _radar(61, 121), *_grid(0.02, 0.0225), (0.1,), (3,), 30),
@@ -80,7 +90,7 @@ def run(work: Work) -> Findings:
         shown = family == setting.families[-1] and seed == setting.seeds[0]
         pictures: dict[str, xr.DataTree] = {}
         study = partial(_study, scene, sweep, seed, setting, pictures)
-        found[family].append(study() if shown else work.kept(study))  # pictures are not kept, and are made anew
+        found[family].append(study() if shown else work.kept(study))  # pictures are not stored, but made anew
         if shown:
             scenes[family], example = scene, pictures
         work.step(number + 1, len(tasks))
@@ -114,19 +124,19 @@ def _radar(elements: int, points: int) -> Radar:
 
 
 def _grid(x: float, y: float) -> tuple[Array, Array]:
-    """Pixels x, y [m] over all that the scenes show, ghosts included, at these steps [m]: half a cell or less."""
+    """Pixels x, y [m] over everything that the scenes show, ghosts included; steps [m] of half a cell or less."""
     return np.arange(-2.4, 3.6, x), np.arange(0.45, 4.25, y)
 
 
 def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example: dict[str, xr.DataTree]) -> Scores:
-    """The scores of one scene by way and method; pictures of one way are put into `example`."""
+    """The scores of one scene by kind, share and method; reconstructions for the pictures are put into `example`."""
     s = np.asarray(sweep["s"].values)
     model = mf.FocusOperator(sweep, x=setting.x, y=setting.y, tolerance=1e-3)
     imaged = partial(_folded, sweep, setting)
     everything = imaged(s, s)
     scores = {"full": _score(everything, scene)}
     left = s - model.all_samples(lsqr(model, s.ravel(), iter_lim=LSQR_ITERATIONS)[0])
-    # What no reflectivities explain, less the noise, as a share of the amplitude.
+    # The share of the power that no reflectivities explain, less that of the noise; its root is one of the amplitude.
     power = (np.linalg.norm(left) / np.linalg.norm(s)) ** 2 - 10.0 ** (-SNR_DB / 10.0)
     scores["scene"] = {"unexplained": float(np.sqrt(max(power, 0.0)))}
     falls, filled = [], []
@@ -158,13 +168,13 @@ def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example
 
 
 def _folded(sweep: xr.Dataset, setting: Setting, s: Samples, measured: Samples) -> xr.DataTree:
-    """What other samples of the same measurement show; those that were measured tell mixed paths between the discs."""
+    """The reconstruction from the image of samples `s`; tests that need a sweep, as for mixed paths, use `measured`."""
     shown, known = (sweep.assign(s=(sweep["s"].dims, samples.astype(np.complex64))) for samples in (s, measured))
     return mf.fold(mf.focus(shown, x=setting.x, y=setting.y), sweep=known)
 
 
 def _score(reconstruction: xr.DataTree, scene: Scene) -> dict[str, float]:
-    """What `MEASURES` names."""
+    """The scores of a reconstruction that `MEASURES` names."""
     found: Any = mf.score(reconstruction, scene)
     walls = {mirror.surface for mirror in found.mirrors if (mirror.surface or "").startswith("wall")}
     return {
@@ -176,7 +186,7 @@ def _score(reconstruction: xr.DataTree, scene: Scene) -> dict[str, float]:
 
 
 def _data(found: dict[str, list[Scores]], setting: Setting) -> xr.Dataset:
-    """All scores in one data set."""
+    """The scores of all scenes in one data set."""
     dims = ("family", "kind", "share", "imaging", "scene")
     units = {"units": "1"}
 
@@ -217,7 +227,7 @@ def _data(found: dict[str, list[Scores]], setting: Setting) -> xr.Dataset:
 
 
 def _example_data(example: dict[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """The initial images of the example, and its points."""
+    """The initial images and the points of the example, by method."""
     return {
         in_a_word(name): xr.DataTree(
             one["initial"].to_dataset()[["initial"]].drop_attrs(),
@@ -228,7 +238,7 @@ def _example_data(example: dict[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 
 def _numbers(data: xr.Dataset) -> dict[str, float]:
-    """Means over the scenes of both families, and of each."""
+    """Means over the scenes of all families, and of each family."""
     numbers = {"full_f_cells": float(data["full_f_cells"].mean()), "full_f_2cm": float(data["full_f_2cm"].mean())}
     for family in data["family"].values:
         for name in ("full_f_cells", "unexplained"):
@@ -249,13 +259,13 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
 
 
 def _correlation(data: xr.Dataset) -> float:
-    """Of what the model leaves unexplained, and what sparse imaging with the fewest elements loses."""
+    """Correlation of the share that the model leaves unexplained with the F-score that random elements lose."""
     lost = data["full_f_cells"] - data["f_cells"].sel(kind="elements", imaging="sparse").mean("share")
     return float(xr.corr(data["unexplained"], lost))
 
 
 def _claims(data: xr.Dataset, numbers: dict[str, float]) -> tuple[Claim, ...]:
-    """Questions that were left open, answered by numbers."""
+    """Open questions, answered by numbers."""
     shares = data["share"].values
     full = numbers["full_f_cells"]
     found = []
@@ -299,7 +309,7 @@ def _claims(data: xr.Dataset, numbers: dict[str, float]) -> tuple[Claim, ...]:
 
 
 def _of(numbers: dict[str, float], kind: str, share: float, method: str, family: str = "") -> float:
-    """A mean hidden F at 1.5 cells."""
+    """Mean hidden F-score at 1.5 cells, over all families or in one."""
     before = f"{in_a_word(family)}_" if family else ""
     return numbers[f"{before}{kind}_{100 * share:.0f}_percent_{in_a_word(method)}_f_cells"]
 
@@ -307,7 +317,7 @@ def _of(numbers: dict[str, float], kind: str, share: float, method: str, family:
 def _figures(
     data: xr.Dataset, example: dict[str, xr.DataTree], scene: Scene, setting: Setting
 ) -> dict[str, tuple[Any, str]]:
-    """Quality against share, an example, and what the model leaves unexplained."""
+    """Quality against share, an example, and the loss against what the model leaves unexplained, with captions."""
     found = {
         "quality": (
             draw_quality(data),
@@ -347,7 +357,7 @@ def _tables(data: xr.Dataset, setting: Setting) -> tuple[Table, ...]:
 
 
 def _with_error(values: xr.DataArray) -> str:
-    """Mean and standard error."""
+    """Mean and standard error as text."""
     mean = float(values.mean())
     if values.size < 2:
         return f"{mean:.2f}"

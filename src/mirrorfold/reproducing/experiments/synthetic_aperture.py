@@ -1,4 +1,9 @@
-"""The synthetic-aperture experiment: measured files, calibrated, imaged, and folded about the drywall."""
+"""The synthetic-aperture experiment: files as measured are calibrated, imaged, and folded about the drywall.
+
+Every position of the two stages has a delay of its own, which hides the image. The delays are estimated from a sweep of
+a sphere and removed. The drywall, which scatters inside, then shows a carpet roll and a box that the radar cannot see.
+Ten draws of scatterers, delays and noise show how far the angle of the wall and the scores vary.
+"""
 
 from __future__ import annotations
 
@@ -28,31 +33,33 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Circle, Segment
 
 LARGEST_DELAY, CABLE, SNR_DB = 2e-3, 1.7, 20.0
-"""Each position adds a delay of its own up to this [m], and all a cable [m]; noise of each sample."""
+"""Largest delay of a position, of either sign [m]; cable in all paths [m]; signal over noise of a sample [dB]."""
 
 SPHERE, RADIUS = (0.03, 0.9), 0.02
-"""The steel sphere that the positions are calibrated with [m]."""
+"""Place and radius of the steel sphere that the positions are calibrated with [m]."""
 
 ASKED_ANGLE_DEG, ASKED_SCORE = 0.1, 0.9
-"""What is asked of every draw: the drywall's angle, and the hidden F-score within 1.5 resolution cells."""
+"""What every draw must reach for the claims to agree: largest error of the drywall's angle [degree], and least hidden
+F-score within 1.5 resolution cells."""
 
 FIRST_SEED = 10
-"""Of the draws; with others it was found out what the threshold should be."""
+"""First seed of the draws. The threshold was chosen with other seeds."""
 
 THRESHOLD_DB = -24.0
-"""Instead of the usual -18 dB, which is for scenes of one material: the wood of the roll reflects 16 dB less than the
-foil on the boxes, which set the reference, and its diffuse echoes fall around the usual threshold."""
+"""Threshold of echoes, instead of the usual -18 dB, which is for scenes of one material: the wood of the roll reflects
+16 dB less than the foil on the boxes, which set the reference, and its diffuse echoes fall around the usual
+threshold."""
 
 BEYOND = 0.02
-"""So far behind the drywall an echo is no echo of the drywall itself [m]."""
+"""An echo deeper than this behind the drywall's face is no echo of the drywall itself [m]."""
 
 HIDDEN = ("carpet roll", "box 1")
-"""What the radar cannot see directly; of the other box it sees a corner."""
+"""Surfaces that the radar cannot see directly; of the other box it sees a corner."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is particular to a draw: delays of the positions [m]; scatterers and noise follow from the seed."""
+    """What differs from draw to draw: the delays of the positions [m]. Scatterers and noise follow from the seed."""
 
     seed: int
     tx_delay: Array
@@ -60,7 +67,7 @@ class Drawn:
 
 
 def run(work: Work) -> Findings:
-    """Measure, write and read files, calibrate, reconstruct; ten times, of which the first is shown."""
+    """Measure, write and read files, calibrate and reconstruct; ten times, and the first draw is shown in pictures."""
     truth, draws = _scene(work), work.size(10, 1)
     rows: list[dict[str, float]] = []
     figures: dict[str, tuple[Figure, str]] = {}
@@ -72,7 +79,7 @@ def run(work: Work) -> Findings:
         sphere = work.sweep(replace(truth, name="sphere", surface=(_sphere(),)), seed=seed)
         if number == 0:
             swept = _measured(ideal, drawn, seed), _measured(sphere, drawn, seed + 1)
-            # At reduced size the files of some transmitters must do.
+            # At reduced size only a few transmitters go through files.
             (read, of_sphere), apart = _through_files(swept, work.size(truth.array.elements, 4))
             calibrated, worst = _calibrated(read, of_sphere, drawn)
             images = [mf.focus(one, x=np.arange(-1.0, 1.4, 5e-3), y=np.arange(0.6, 3.2, 5e-3), tolerance=1e-3)
@@ -144,7 +151,7 @@ def run(work: Work) -> Findings:
 
 
 def _scene(work: Work) -> Scene:
-    """The shipped scene; at reduced size in the upper half of the band, in the same steps."""
+    """The shipped scene; at reduced size with the upper half of the band only, in the same steps."""
     scene = shipped_plan("synthetic_aperture")
     if not work.quick:
         return scene
@@ -162,7 +169,7 @@ def _drawn(seed: int, elements: int) -> Drawn:
 
 
 def _measured(sweep: xr.Dataset, drawn: Drawn, seed: int) -> xr.Dataset:
-    """The sweep as the instrument measures it, through its delays and cables, with noise."""
+    """The sweep as the instrument measures it: with the delays of its positions, a cable, and noise."""
     wavenumber = 2.0 * np.pi * sweep["frequency"].values / speed_of_light
     way = drawn.tx_delay[:, None] + drawn.rx_delay + CABLE
     turned = sweep["s"].values * np.exp(-1j * wavenumber[:, None, None] * way)
@@ -171,13 +178,14 @@ def _measured(sweep: xr.Dataset, drawn: Drawn, seed: int) -> xr.Dataset:
 
 
 def _through_files(sweeps: Sequence[xr.Dataset], count: int) -> tuple[list[xr.Dataset], float]:
-    """Sweeps of which the files of so many transmitters were written and read, one Touchstone file for each pair.
+    """Write the samples of `count` transmitters to Touchstone files, one for each pair of antennas, and read them.
 
     Returns
     -------
     sweeps : list of Dataset
+        The same sweeps, with the samples of these transmitters as they were read.
     difference : float
-        The largest between what was written and what was read.
+        Largest difference between a sample that was written and the one that was read.
     """
     read, apart = [], 0.0
     with TemporaryDirectory() as folder:
@@ -193,9 +201,10 @@ def _through_files(sweeps: Sequence[xr.Dataset], count: int) -> tuple[list[xr.Da
 
 
 def _calibrated(sweep: xr.Dataset, sphere: xr.Dataset, drawn: Drawn) -> tuple[xr.Dataset, float]:
-    """What a laboratory does: the nominal cable off, then the elements from the sphere; and the worst delay left [m].
+    """Calibrate as a laboratory does: remove the nominal cable, then the delays that are estimated from the sphere.
 
-    How delays are shared between transmitters and receivers cannot be observed, nor does it matter.
+    Returns the calibrated sweep, and the largest error of an estimated delay [m]. A delay that moves from all
+    transmitters to all receivers changes no sample; it cannot be observed, does not matter, and is no error here.
     """
     elements = mf.calibrate.estimate_elements(mf.calibrate.remove_cable(sphere, CABLE), at=SPHERE, radius=RADIUS)
     share = 0.5 * (drawn.tx_delay.mean() - drawn.rx_delay.mean())
@@ -205,25 +214,25 @@ def _calibrated(sweep: xr.Dataset, sphere: xr.Dataset, drawn: Drawn) -> tuple[xr
 
 
 def _draw(truth: Scene, drawn: Drawn, ideal: xr.Dataset, sphere: xr.Dataset) -> dict[str, float]:
-    """The figures of a draw."""
+    """The numbers of a draw."""
     measured = _measured(ideal, drawn, drawn.seed), _measured(sphere, drawn, drawn.seed + 1)
     calibrated, worst = _calibrated(*measured, drawn)
     return _judged(*_folded(calibrated), truth) | {"worst_delay_m": worst}
 
 
 def _folded(sweep: xr.Dataset) -> tuple[xr.DataTree, xr.DataTree]:
-    """What `mirrorfold.reconstruct` makes of the sweep: with the lower threshold, and with the usual one."""
+    """Reconstructions of the sweep with `THRESHOLD_DB` and with the usual threshold."""
     plan = FoldPlan(mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD), sweep=sweep)
     return plan.fold(threshold_db=THRESHOLD_DB), plan.fold()
 
 
 def _judged(reconstruction: xr.DataTree, usual: xr.DataTree, truth: Scene) -> dict[str, float]:
-    """Where the drywall is, and what was folded."""
+    """Errors of the drywall's angle and depth, and scores of the folded points."""
     wall = next(surface for surface in truth.surface if surface.name == "drywall")
     assert isinstance(wall, Segment)
     start, end = np.array(wall.start), np.array(wall.end)
     inward = segment_normal(start, end)
-    inward *= np.sign(start @ inward)  # away from the radar
+    inward *= np.sign(start @ inward)  # pointing away from the radar
     score = mf.score(reconstruction, truth)
     hidden = score["hidden"]
     found: dict[str, float] = {"angle_deg": np.nan, "angle_error_deg": np.nan, "deeper_m": np.nan}
@@ -339,7 +348,7 @@ def _table(data: xr.Dataset) -> Table:
 
 
 def _calibration_figure(images: Sequence[xr.DataArray]) -> Figure:
-    """The image as measured, and calibrated."""
+    """The image without and with calibration of the positions."""
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     brightest = float(np.abs(images[1].values).max())

@@ -1,4 +1,8 @@
-"""The tree of mirrors: who is seen through whom, in the published notation, against the images of the true walls."""
+"""The tree of mirrors: which mirror is seen by way of which, compared with the images of the true walls.
+
+Geometrical optics predicts which walls the radar sees by way of which others, and where their images stand. The trees
+of two scenes are printed in the published notation. Their nodes, lines and objects are compared with this prediction.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +35,10 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 GENERATIONS = 3
+"""Largest number of walls in a predicted chain."""
 
 RIGHT_SHARE = 0.95
-"""Of the echoes of objects that must hang where geometrical optics has them."""
+"""Least share of the objects' echoes that must belong to the node that geometrical optics predicts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +48,15 @@ class Grown:
     Attributes
     ----------
     name : str
-        Of the scene, in one word.
+        Name of the scene, in one word.
     scene : Scene
     reconstruction : DataTree
     mirrors : list of Identified
     expected : set of str
-        Names of the walls, and walls seen in walls, of which enough is seen to be a mirror.
+        Names of the walls, and of walls seen in walls, of which the radar sees enough for a mirror.
     placed : dict of str to (int, int)
-        By chain: echoes of objects, and how many of them are those of an object that is seen by that way.
+        By chain: the number of echoes of objects, and how many of them stand at the ghost of an object that is seen by
+        way of that chain.
     """
 
     name: str
@@ -67,7 +73,7 @@ class Grown:
 
 
 def run(work: Work) -> Findings:
-    """The trees of both scenes with two walls."""
+    """Compare the trees of both scenes with two walls with their predictions."""
     scenes = {
         "facing": work.size(facing_walls(), at_lower_band(facing_walls(), *THINNED_RADAR)),
         "hidden": work.size(hidden_walls(), at_lower_band(hidden_walls(), *SMALL_RADAR)),
@@ -136,13 +142,13 @@ def _lines(reconstruction: xr.DataTree) -> dict[str, Array]:
 
 
 def _echoes(reconstruction: xr.DataTree, chain: str) -> xr.Dataset:
-    """The echoes of objects that hang directly below a node."""
+    """The echoes of objects that belong to a node itself, not to its children."""
     points = confident_points(reconstruction)
     return points.isel(point=(points["chain"].values == chain) & (points["surface"].values == "object"))
 
 
 def _grown(name: str, scene: Scene, reconstruction: xr.DataTree) -> Grown:
-    """The tree with its prediction."""
+    """The tree of a reconstruction, with what geometrical optics predicts of it."""
     mirrors = identified(reconstruction, scene)
     ghosts = ghosts_of(scene, GENERATIONS)
     least = float(reconstruction.attrs["fold_minimum_length"])
@@ -158,7 +164,7 @@ def _grown(name: str, scene: Scene, reconstruction: xr.DataTree) -> Grown:
 
 
 def _right(reconstruction: xr.DataTree, chain: str, below: Sequence[Ghost]) -> tuple[int, int]:
-    """How many echoes of objects hang below a node, and how many of them stand at a ghost that belongs there."""
+    """Number of echoes of objects that belong to a node, and how many of them stand at one of the ghosts `below` it."""
     held = _echoes(reconstruction, chain)
     nearest = surface_of(held, [ghost for ghost in below if not ghost.is_wall], reconstruction)
     return held.sizes["point"], int(np.count_nonzero(nearest >= 0))
@@ -198,7 +204,7 @@ def _data(tree: Grown) -> xr.Dataset:
 
 
 def _numbers(tree: Grown) -> dict[str, Number]:
-    """What the claims rest on."""
+    """The numbers that the claims rest on."""
     found = {one.name for one in tree.mirrors}
     errors = [one for one in tree.mirrors if one.name in tree.expected]
     total, right = (sum(counts[k] for counts in tree.placed.values()) for k in (0, 1))
@@ -217,7 +223,7 @@ def _numbers(tree: Grown) -> dict[str, Number]:
 
 
 def _claims(trees: Sequence[Grown], numbers: dict[str, Number]) -> tuple[Claim, ...]:
-    """Nodes, lines and objects of both trees."""
+    """Claims on the nodes, lines and objects of both trees."""
 
     def of(tree: Grown, name: str) -> float:
         value = numbers[f"{tree.name}_{name}"]

@@ -31,15 +31,16 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 GENERATIONS = 3
-"""Mirrors in the longest chain that is looked for; the published image shows as many."""
+"""Largest number of mirrors in a chain that is looked for; the published image shows as many."""
 
 COVERED = 0.5
-"""A ghost counts as seen where at least so much of what should be seen of it has an echo in its resolution cell."""
+"""A ghost counts as found if at least this share of its visible part has an echo within a resolution cell."""
 
 LEAST_F_SCORE, MOST_INVENTED = 0.9, 0.01
-"""A corrected image agrees with the geometry above this F-score and below this share of invented points."""
+"""Least F-score and largest share of invented points at which a corrected image agrees with the geometry."""
 
 BY = {"rays": "rays", "fullwave": "full wave"}
+"""The solvers, and their names in titles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +54,11 @@ class Case:
     scene : Scene
     reconstruction : DataTree
     mirrors : list of Identified
+        The mirrors that were found, with the true walls of which they are images.
     shown : list of Shown
+        The ghosts of objects that mirrors should show, with their echoes.
     cells : (2,) array
-        Of resolution: range [m], and across per metre of range.
+        Size of a resolution cell: in range [m], and in cross-range per metre of range.
     """
 
     key: str
@@ -73,7 +76,7 @@ class Case:
 
 
 def run(work: Work) -> Findings:
-    """Both scenes by rays and by full wave."""
+    """Simulate both scenes by rays and by full wave, fold them, and compare the results with the geometry."""
     hidden, facing = hidden_walls(), facing_walls()
     small = at_lower_band(hidden, *SMALL_RADAR)
     middle = at_lower_band(facing, *MIDDLE_RADAR)
@@ -92,7 +95,7 @@ def run(work: Work) -> Findings:
     for case in cases:
         figure, images = steps(case.reconstruction, case.scene)
         for image in images.values():
-            image.encoding = {"zlib": True}  # what is not drawn is zero
+            image.encoding = {"zlib": True}  # most pixels of folded images are zero
         figures[f"steps-{case.key.replace('_', '-')}"] = figure, f"Step by step: {case.title}."
         data[case.key] = xr.DataTree.from_dict(
             {
@@ -134,7 +137,7 @@ def run(work: Work) -> Findings:
 
 
 def _sizes(work: Work) -> tuple[str, ...]:
-    """What is said of radars other than the published one."""
+    """Sentences on the radars that differ from the published one."""
     if work.quick:
         return (
             "In a quick run the first scene is the same floor plan at 20 to 24 GHz, seen by 87 antennas over 52 cm, "
@@ -149,7 +152,7 @@ def _sizes(work: Work) -> tuple[str, ...]:
 
 
 def _case(name: str, solver: str, scene: Scene, work: Work) -> Case:
-    """Simulate and fold a scene, and compare what is found with geometrical optics."""
+    """Simulate and fold a scene, and compare the mirrors and ghosts that are found with geometrical optics."""
     settings = {} if solver == "rays" else {"tolerance": work.size(1e-3, 1e-2)}
     reconstruction = mf.reconstruct(work.sweep(scene, solver=solver, **settings))
     aperture = float(np.ptp(scene.array.tx_position[:, 0]))
@@ -163,7 +166,7 @@ def _case(name: str, solver: str, scene: Scene, work: Work) -> Case:
 
 
 def _numbers(case: Case) -> dict[str, Number]:
-    """All that the claims rest on, of one case."""
+    """The numbers of one case that the claims rest on."""
     score = mf.score(case.reconstruction, case.scene)
     walls = {surface.name for surface in case.scene.surface if surface.kind == "segment"}
     of_walls = [one for one in case.mirrors if one.face is not None and one.face.name in walls]
@@ -192,7 +195,7 @@ def _numbers(case: Case) -> dict[str, Number]:
 
 
 def _tables(cases: Sequence[Case]) -> tuple[Table, ...]:
-    """Mirrors, ghosts of objects, and scores."""
+    """A table of the mirrors, and one of the ghosts of objects."""
     mirrors = [
         [case.title, one.name, str(one.generation), f"{one.angle_error:.3f}", f"{1e3 * one.offset_error:.2f}"]
         for case in cases
@@ -225,7 +228,7 @@ def _claims(cases: Sequence[Case], numbers: Mapping[str, Number]) -> tuple[Claim
         return float("inf") if value is None else float(value)
 
     def each(chosen: Sequence[Case], text: str) -> str:
-        """A text with names of numbers in it, lengths in millimetres too, for every case."""
+        """A text, once for every case, with the numbers of the case in place of their names; `_mm` for millimetres."""
         parts = []
         for case in chosen:
             own = {name.removeprefix(f"{case.key}_"): value for name, value in numbers.items()
@@ -236,8 +239,8 @@ def _claims(cases: Sequence[Case], numbers: Mapping[str, Number]) -> tuple[Claim
         return "; ".join(parts)
 
     def lines_agree(name: str, moves: float) -> Verdict:
-        """Whether both lines are found, and a ghost at one metre folds to half a range cell of the object, or better;
-        `moves` says how often a line's error is that of a wall.
+        """Whether both lines are found, and so well that a ghost one metre away folds to within half a range cell of
+        its object. A line may be off by `moves` times as much as a wall.
         """
         chosen = facing if name == "ghost_walls" else cases
         good = [

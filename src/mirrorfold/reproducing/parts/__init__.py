@@ -1,1 +1,1 @@
-"""What several experiments measure and draw, and the longer pages of single ones."""
+"""Scenes, measures and pictures that several experiments share, and the longer pages of single experiments."""

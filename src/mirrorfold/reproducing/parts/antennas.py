@@ -1,4 +1,8 @@
-"""Errors of the antennas' positions: what they do to the image of a point, after any number of folds."""
+"""Errors of the antennas' positions: how they change level and place of a point's image, after none to three folds.
+
+The samples are computed for the places where the antennas really stand, and focused for the places where they should
+stand. Random errors cost level. Errors that all positions share move the point.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,8 @@ from mirrorfold.common.types import Array
 from mirrorfold.reproducing.parts.hall import CHAINS, PITCH, START, STOP, drawn, unfolding
 
 COMMON = {"scale": 1e-3, "turned": np.radians(0.1), "cable": 1e-3}
-"""Errors that all positions share: relative error of a step; angle of one stage against the other [rad]; length [m] of
-cable that was not taken off, there and back."""
+"""Errors that all positions share: relative error of a step; angle between the two stages, which should be parallel
+[rad]; length of the cable that was not removed, there and back [m]."""
 
 EFFECTS = {
     "random": "random",
@@ -24,36 +28,37 @@ EFFECTS = {
     "turned": "one stage turned by 0.1 degree",
     "cable": "1 mm of cable too much",
 }
-"""What is wrong with the positions."""
+"""The kinds of errors, and their names in tables."""
 
 FREQUENCIES = 201
-"""Unambiguous up to 3 m."""
+"""Number of frequencies: unambiguous up to a range of 3 m."""
 
 HALF, PIXELS = 0.035, 41
-"""The picture about the point [m]."""
+"""Half the side of the image around the point [m], and its pixels along a side."""
 
 
 def antenna_errors(seeds: Iterable[int], spreads: Sequence[float], *, elements: int, trials: int) -> xr.Dataset:
-    """Level and place of a point, imaged as if all antennas stood where they were meant to.
+    """Level and place of a point, imaged as if all antennas stood where they should.
 
-    The point is seen in line of sight and in one to three mirrors by its images, of which each antenna is as far away
-    as the way is long. Transmitters and receivers stand on stages of their own.
+    The point is seen in line of sight and by way of one to three mirrors. Each path to the point is as long as the
+    straight line from the antenna to the point's mirror image, so the samples are computed from the mirror images.
+    Transmitters and receivers stand on stages of their own.
 
     Parameters
     ----------
     seeds : iterable of int
-        Of the places of the target.
+        Seeds of the places of the target.
     spreads : sequence of float [m]
         Standard deviations of random errors of each coordinate.
     elements : int
-        Positions of each stage.
+        Number of positions of each stage.
     trials : int
-        Of random errors.
+        Number of draws of random errors.
 
     Returns
     -------
     Dataset
-        `level_db`, relative to exact positions; `shift` of the folded point and what is `predicted` for it [m]
+        `level_db`, relative to exact positions; `shift` of the folded point and the shift that is `predicted` [m]
         (draw, effect, spread, trial, folds). Errors that all positions share have one size and one trial.
     """
     seeds = list(seeds)
@@ -89,14 +94,14 @@ def antenna_errors(seeds: Iterable[int], spreads: Sequence[float], *, elements: 
 
 
 def _nominal(elements: int) -> Array:
-    """Where the antennas are meant to stand, (n, 3) [m]."""
+    """Where the antennas should stand, (n, 3) [m]."""
     place = np.zeros((elements, 3))
     place[:, 0] = PITCH * (np.arange(elements) - 0.5 * (elements - 1))
     return place
 
 
 def _displaced(effect: str, elements: int, spread: float, random: np.random.Generator) -> tuple[Array, Array, float]:
-    """Where transmitters and receivers really stand, (n, 3) [m]; and cable that nobody knows of, both ways [m]."""
+    """Where transmitters and receivers really stand, (n, 3) [m] each; and the unknown cable, there and back [m]."""
     tx, rx = _nominal(elements), _nominal(elements)
     if effect == "random":
         tx[:, :2] += spread * random.standard_normal((elements, 2))
@@ -110,13 +115,18 @@ def _displaced(effect: str, elements: int, spread: float, random: np.random.Gene
 
 
 def _peak(ghost: Array, nominal: Array, tx: Array, rx: Array, cable: float) -> tuple[float, Array]:
-    """Amplitude and place [m] of the image of a point, measured where the antennas are and focused where they should.
+    """Amplitude and place (2,) [m] of the peak in the image of a point.
 
     Parameters
     ----------
     ghost : (2,) array [m]
-    nominal, tx, rx : (n, 3) arrays [m]
+        The point, or its mirror image.
+    nominal : (n, 3) array [m]
+        Positions of transmitters and of receivers for which the image is focused.
+    tx, rx : (n, 3) arrays [m]
+        Positions with which the samples are computed.
     cable : float [m]
+        Additional length of all paths.
     """
     frequency = np.linspace(START, STOP, FREQUENCIES)
     wavenumber = 2.0 * np.pi * frequency[:, None] / speed_of_light
@@ -135,12 +145,14 @@ def _peak(ghost: Array, nominal: Array, tx: Array, rx: Array, cable: float) -> t
 
 
 def _predicted(effect: str, elements: int, spread: float, ghost: Array) -> float:
-    """How far the point should be off [m].
+    """Predicted shift of the point [m].
 
-    Random errors s of N antennas, spaced evenly along the length L, turn the direction of each way, by least squares,
-    by ``s sqrt(12 / N) / L``, and move it in range by ``s / sqrt(N)``; the mean of both ways counts. Steps that are
-    too long by the part e are focused at the sine ``u (1 + e)``; a stage turned by a turns its own way by a, and the
-    mean of both by half of it. A cable of length d moves a point away by d / 2.
+    * Random errors with standard deviation s of N antennas, evenly spaced along the length L, turn the direction of
+      one way (out or back), fitted by least squares, by ``s sqrt(12 / N) / L``, and move the point in range by
+      ``s / sqrt(N)``. The shift is that of the mean of both ways.
+    * Steps that are too long by the share e move the sine u of the point's direction to ``u (1 + e)``.
+    * A stage that is turned by the angle a turns its own way by a, and the mean of both ways by ``a / 2``.
+    * A cable of length d, there and back, moves the point away by ``d / 2``.
     """
     way = float(np.linalg.norm(ghost))
     u = ghost[0] / way

@@ -1,4 +1,8 @@
-"""How well a folded body agrees with the true one: distances, silhouette, arms, section, brightness."""
+"""How well a folded body agrees with the true one: distances, silhouette, arms, section, brightness.
+
+A wall shows a hidden body as it looks from the mirror image of the radar in this wall. Silhouettes and angles of the
+arms are therefore compared in this view (`Facing`).
+"""
 
 from __future__ import annotations
 
@@ -17,28 +21,31 @@ from mirrorfold.scoring.truth import Truth
 from mirrorfold.scoring.volumes import truth
 
 PIXEL = 0.01
-"""Of silhouettes [m]: twice the mean distance of the samples of the truth."""
+"""Pixels of silhouettes [m]: twice the mean distance between samples of the truth."""
 
 SECTION = 0.017
 """Half the thickness of a section [m]: the radius of the beam in its focus."""
 
 UPPER, LOWER, ASIDE = 0.60, 0.40, 0.115
-"""Between these shares of a body's height the arms hang beside it, further than the third from its middle."""
+"""As shares of a body's height: the arms hang beside the body between the heights `LOWER` and `UPPER`, farther than
+`ASIDE` from its middle."""
 
 FEWEST_OF_ARM, WHOLE = 12, 0.8
-"""An arm of which fewer points are seen, or a smaller share of these heights, has no angle."""
+"""Least number of points of an arm, and least share of the heights between `LOWER` and `UPPER` that they must span, for
+an angle of the arm."""
 
 COVERED = 0.03
-"""A piece of truth this close to a folded point is covered [m], less than a diameter of the beam."""
+"""A sample of the truth is covered if a folded point is this close [m], less than a diameter of the beam."""
 
 
 @dataclass(frozen=True, eq=False)
 class Facing:
-    """The view of a hidden object from where its echoes came.
+    """The view of a hidden object from the direction in which its echoes left it.
 
     Attributes
     ----------
     middle : (3,) array [m]
+        Middle of the object.
     right, ahead : (3,) arrays
         Horizontal unit vectors: to the right in the picture, and from the object to the viewer.
     """
@@ -48,12 +55,12 @@ class Facing:
     ahead: Array
 
     def flat(self, points: Array) -> Array:
-        """Places of points (n, 3) in the picture, (n, 2) [m]: to the right of the middle, and height."""
+        """Places in the picture, (n, 2) [m], of points (n, 3) [m]: distance to the right of the middle, and height."""
         return np.stack([(points - self.middle) @ self.right, points[:, 2]], axis=1)
 
 
 def facing(points: Array, wall: Wall, radar: Array) -> Facing:
-    """The view of points (n, 3) [m] from the radar's image in a wall."""
+    """The view of points (n, 3) [m] from the mirror image of the radar in a wall."""
     middle = np.median(points, axis=0)
     way = wall.image(radar[None])[0] - middle
     ahead = np.array([*way[:2], 0.0]) / np.hypot(*way[:2])
@@ -62,18 +69,18 @@ def facing(points: Array, wall: Wall, radar: Array) -> Facing:
 
 @dataclass(frozen=True, eq=False)
 class Folded:
-    """The hidden points of a reconstruction, beside the truth that one mirror shows.
+    """The hidden points of a reconstruction, and the truth.
 
     Attributes
     ----------
     points : (n,) Dataset
-        Seen by way of a mirror: of objects, and on the faces of mirrors that are seen in others.
+        Points seen by way of a mirror: of objects, and on the faces of mirrors that are seen in others.
     known : Truth
-        What can be seen directly or by way of one mirror.
+        Samples of all true surfaces, with marks on those that are visible directly or by way of one mirror.
     distance : (n,) array [m]
-        Of each point from the nearest true surface.
+        Distance of each point from the nearest true surface.
     surface : (n,) array of str
-        The name of that surface.
+        Name of that surface.
     """
 
     points: xr.Dataset
@@ -83,27 +90,27 @@ class Folded:
 
     @property
     def place(self) -> Array:
-        """Where the points stand, (n, 3) [m]."""
+        """Folded places of the points, (n, 3) [m]."""
         return places_of(self.points)
 
     def of(self, name: str) -> Mask:
-        """Which points are nearest to a surface."""
+        """Which points are nearest to the surface of this name, (n,)."""
         return np.asarray(self.surface == name)
 
     def shown(self, name: str) -> Array:
-        """Samples (m, 3) [m] of a surface that one mirror shows."""
+        """Samples (m, 3) [m] of a surface that are visible directly or by way of one mirror."""
         index = next(i for i, known in self.known.names.items() if known == name)
         return self.known.place[self.known.reachable & (self.known.owner == index)]
 
     def level_db(self, name: str) -> float:
-        """Mean power of the points on a surface [dB]; minus infinity where there are none."""
+        """Mean power of the points on a surface [dB]; minus infinity without points."""
         mine = self.of(name)
         power = self.points["amplitude"].values[mine].astype(float) ** 2
         return float(10.0 * np.log10(power.mean())) if mine.any() else -np.inf
 
 
 def folded(reconstruction: xr.DataTree, scene: Scene3D) -> Folded:
-    """The hidden points of a reconstruction, and what is nearest to each."""
+    """The hidden points of a reconstruction, each with the true surface that is nearest to it."""
     points, known = hidden_points(reconstruction), truth(scene, bounces=1)
     distance, nearest = known.distances(places_of(points))
     names = np.array([known.names[int(owner)] for owner in known.owner[nearest]], dtype=object)
@@ -111,7 +118,7 @@ def folded(reconstruction: xr.DataTree, scene: Scene3D) -> Folded:
 
 
 def facts(body: Folded, name: str, view: Facing, step: float) -> dict[str, float]:
-    """Numbers of one surface: points, distances [m], coverage, and of a body its silhouette and height.
+    """Numbers of one surface: points, distances [m], share that is covered, overlap of silhouettes, error of the top.
 
     `step` [degree] is the angle between beams.
     """
@@ -130,9 +137,9 @@ def facts(body: Folded, name: str, view: Facing, step: float) -> dict[str, float
 
 
 def silhouettes(body: Folded, name: str, view: Facing, step: float) -> tuple[xr.DataArray, xr.DataArray]:
-    """What a folded surface covers of the view, and what of the true one a mirror shows, (height, across) bool.
+    """Silhouettes of a folded surface and of the visible part of the true one, in the view, (height, across) bool.
 
-    A point covers the cell of its beam, half the diagonal of the grid of beams at its range.
+    A folded point covers all pixels that are nearer to it than half the diagonal of the grid of beams at its range.
     """
     true = view.flat(body.shown(name))
     low, high = true.min(axis=0) - 0.1, true.max(axis=0) + 0.1
@@ -145,14 +152,14 @@ def silhouettes(body: Folded, name: str, view: Facing, step: float) -> tuple[xr.
 
 
 def cell_of(body: Folded, name: str, step: float) -> float:
-    """Half the diagonal of the grid of beams, `step` [degree] apart, at the range where a surface is seen [m]."""
+    """Half the diagonal [m] of the grid of beams, `step` [degree] apart, at the median range of a surface's ghost."""
     mine = body.of(name)
     seen = np.stack([body.points[f"{axis}_initial"].values[mine] for axis in "xyz"], axis=-1)
     return float(np.median(np.linalg.norm(seen, axis=1))) * float(np.radians(step)) / float(np.sqrt(2.0))
 
 
 def beam_overlap(true: xr.DataArray, radius: float) -> float:
-    """Overlap of a silhouette with itself, widened all around by the radius of the beam [m]."""
+    """Overlap of a silhouette with itself after it was widened on all sides by the radius of the beam [m]."""
     return float(true.values.sum() / (distance_transform_edt(~true.values) <= radius / PIXEL).sum())
 
 
@@ -162,10 +169,10 @@ def overlap(one: xr.DataArray, other: xr.DataArray) -> float:
 
 
 def arm_angles(points: Array, view: Facing) -> tuple[float, float]:
-    """How far the arms on the left and on the right of a picture are lifted in it [degree], NaN where none hangs.
+    """Angles from the vertical of the left and the right arm in the view, outwards [degree]; NaN for an arm left out.
 
-    Where the arms hang beside the body, a line is laid through the points (n, 3) [m] of each. Arms that are bent
-    before the body, or of which little is seen, are left out.
+    At the heights where arms hang beside the body, a line is fitted to the points (n, 3) [m] of each arm. Arms that are
+    bent in front of the body, or of which little is seen, are left out.
     """
     flat = view.flat(points)
     bottom, top = flat[:, 1].min(), flat[:, 1].max()
@@ -178,15 +185,15 @@ def arm_angles(points: Array, view: Facing) -> tuple[float, float]:
 
 
 def _lifted(arm: Array, side: float, length: float) -> float:
-    """Angle [degree] of the line through the points (n, 2) [m] of an arm from the vertical, outwards."""
+    """Angle from the vertical, outwards [degree], of the line through the points (n, 2) [m] of an arm."""
     if len(arm) < FEWEST_OF_ARM or np.ptp(arm[:, 1]) < length:
         return float("nan")
     return float(np.degrees(np.arctan(-side * np.polyfit(arm[:, 1], arm[:, 0], 1)[0])))
 
 
 def section_distances(body: Folded, name: str, view: Facing) -> tuple[Mask, Array]:
-    """Points within `SECTION` of the upright plane through the view's middle, and how far they stand in it from the
-    true outline of a slice that is as thick [m].
+    """Which points lie within `SECTION` of the upright plane through the middle of the view, and their distances [m],
+    in the plane, from the true samples within the same slice.
     """
     which = body.of(name) & (np.abs((body.place - view.middle) @ view.right) < SECTION)
     shown = body.shown(name)
@@ -198,5 +205,5 @@ def section_distances(body: Folded, name: str, view: Facing) -> tuple[Mask, Arra
 
 
 def _in_plane(points: Array, view: Facing) -> Array:
-    """Distance ahead of the middle, and height, (n, 2) [m]."""
+    """Places in the upright plane towards the viewer, (n, 2) [m]: distance ahead of the middle, and height."""
     return np.stack([(points - view.middle) @ view.ahead, points[:, 2]], axis=1)

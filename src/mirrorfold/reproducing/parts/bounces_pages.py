@@ -18,12 +18,12 @@ Plans = dict[tuple[str, float], Plan]
 
 
 def case_key(material: str, power: float, threshold: float) -> str:
-    """How the names of a case's numbers begin."""
+    """The beginning of the names of all numbers of a case."""
     return f"{material}_{power:.0f}_dbm_threshold_{-threshold:.0f}_db"
 
 
 def found_by_bounces(rows: Sequence[Row], plans: Plans) -> Figure:
-    """Completeness over bounces, a panel for each threshold."""
+    """Completeness of the target against the number of bounces, a panel for each threshold."""
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     thresholds = sorted({row["threshold_db"] for row in rows}, reverse=True)
     counts = sorted({row["bounces"] for row in rows})
@@ -47,7 +47,7 @@ def found_by_bounces(rows: Sequence[Row], plans: Plans) -> Figure:
 
 
 def found_by_snr(rows: Sequence[Row], detection_db: float) -> Figure:
-    """Completeness of every corridor over the predicted signal over noise."""
+    """Completeness of the target in every corridor against the signal over noise that `plan` predicts."""
     figure = Figure(figsize=(10.0, 4.0), layout="constrained")
     thresholds = sorted({row["threshold_db"] for row in rows}, reverse=True)
     panels = figure.subplots(1, len(thresholds), sharey=True, squeeze=False)[0]
@@ -68,7 +68,7 @@ def found_by_snr(rows: Sequence[Row], detection_db: float) -> Figure:
 
 
 def accuracies(rows: Sequence[Row]) -> Figure:
-    """Distances of points from the target, and errors of walls, where the target is found."""
+    """Distances of points from the target, and errors of the walls, in the corridors whose target is found."""
     figure = Figure(figsize=(10.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 3)
     found = [row for row in rows if row["found"]]
@@ -103,7 +103,7 @@ def accuracies(rows: Sequence[Row]) -> Figure:
 
 
 def result_table(rows: Sequence[Row]) -> Table:
-    """Means by case and bounces."""
+    """Means of the scores by case and number of bounces."""
     lines = []
     cases = dict.fromkeys((row["material"], row["power_dbm"], row["threshold_db"]) for row in rows)
     scores = (
@@ -130,7 +130,7 @@ def result_table(rows: Sequence[Row]) -> Table:
 
 
 def budget_table(plans: Plans, counts: Sequence[int]) -> Table:
-    """What `plan` says."""
+    """The link budget of `plan`, for each case."""
     lines = [
         [material, f"{power:.0f}", *(f"{plan.link_budget[n].snr_db:.0f}" for n in (0, *counts)),
          str(plan.bounces_above_noise)]
@@ -141,7 +141,7 @@ def budget_table(plans: Plans, counts: Sequence[int]) -> Table:
 
 
 def _of(rows: Sequence[Row], material: str, power: float, threshold: float, bounces: int, name: str) -> list[Any]:
-    """Values of one case."""
+    """The values of one score in the corridors of one case."""
     wanted = (material, power, threshold, bounces)
     return [
         row[name] for row in rows

@@ -1,4 +1,4 @@
-"""The angle of a corner of two walls, and how the length of a wall tells in it."""
+"""The angle of a corner of two walls, and how it depends on the length of a wall."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mirrorfold.scoring.mirrors import mirror_errors
 from mirrorfold.scoring.volumes import faces
 
 MIRROR, ACROSS = "outer wall", "end wall"
-"""The two walls in view: that which shows what is hidden, and that at right angles to it."""
+"""The two walls in view: the mirror, which shows the hidden surfaces, and the wall at right angles to it."""
 
 WIDER = 6.0
-"""The scan is wider by so much on the side of the end wall, so that a longer one is in view [degree]."""
+"""The scan is widened by this angle on the side of the end wall, so that a longer end wall is in view [degree]."""
 
 
 def inner_angle(one: Wall, other: Wall) -> float:
-    """Angle that two walls enclose on the side of the radar, to which their normals point [degree].
+    """Angle that two walls enclose on the side of the radar [degree]; their normals point to this side.
 
     Examples
     --------
@@ -35,15 +35,15 @@ def inner_angle(one: Wall, other: Wall) -> float:
 
 
 def in_view(seen: xr.DataTree, scene: Scene3D) -> tuple[Wall, Wall]:
-    """The two walls in line of sight, as they were found: the mirror, and that at right angles to it."""
-    told = zip(walls_of(seen), mirror_errors(seen, faces(scene)), strict=True)
-    found = {row.surface: wall for wall, row in reversed(list(told)) if row.generation == 1}
+    """The two walls in line of sight, as they were found: the mirror, and the wall at right angles to it."""
+    judged = zip(walls_of(seen), mirror_errors(seen, faces(scene)), strict=True)
+    found = {row.surface: wall for wall, row in reversed(list(judged)) if row.generation == 1}
     return found[MIRROR], found[ACROSS]
 
 
 def angle_of_corner(scene: Scene3D, length: float, seed: int) -> float:
-    """Inner angle [degree] of the two walls in view, alone and without scattering inside, if the end wall goes on from
-    the corner for that length [m].
+    """Inner angle [degree] of the two walls in view if the end wall has this length [m], from the corner on. The scene
+    consists of these two walls alone, without scattering inside.
     """
     walls = {one.name: replace(one, volume_depth=0.0) for one in scene.surface if isinstance(one, Panel)}
     end = walls[ACROSS]

@@ -25,7 +25,7 @@ SCORES = {"f_2cm": "within 2 cm", "f_5cm": "within 5 cm", "f_cells": "within 1.5
 
 
 def mean_error(values: Sequence[float | None]) -> tuple[float, float] | None:
-    """Mean and standard error of what is known; an error of zero where there is one value."""
+    """Mean and standard error of the values that are known; the error of a single value is zero; None without any."""
     known = np.array([value for value in values if value is not None], dtype=float)
     if not known.size:
         return None
@@ -33,7 +33,7 @@ def mean_error(values: Sequence[float | None]) -> tuple[float, float] | None:
 
 
 def by_bandwidth(rows: Sequence[Row]) -> Figure:
-    """F-scores, walls found and their angles against frequency."""
+    """F-scores, and errors of the angles of the walls that are found, against frequency."""
     figure = Figure(figsize=(10.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 3)
     for ax, group in zip(panels, ("3.4 percent", "10 GHz"), strict=False):
@@ -54,7 +54,7 @@ def by_bandwidth(rows: Sequence[Row]) -> Figure:
 
 
 def by_roughness(rows: Sequence[Row], roughnesses: Sequence[tuple[float, float]]) -> Figure:
-    """F-score at 5 cm and the share of scenes with both walls, for several roughnesses."""
+    """F-score at 5 cm and the share of scenes in which both walls are found, for several roughnesses."""
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     for colour, (height, length) in zip(COLOURS, roughnesses, strict=True):
@@ -71,7 +71,7 @@ def by_roughness(rows: Sequence[Row], roughnesses: Sequence[tuple[float, float]]
 
 
 def aperture_map(rows: Sequence[Row], apertures: Sequence[float]) -> Figure:
-    """Means of F by frequency and aperture, written into the cells."""
+    """Mean F-scores as a map of frequency and aperture, with the numbers written into its cells."""
     usual = [row for row in rows if row["group"] == "3.4 percent"]
     frequencies = sorted({row["frequency"] for row in usual})
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
@@ -98,7 +98,7 @@ def aperture_map(rows: Sequence[Row], apertures: Sequence[float]) -> Figure:
 
 
 def collapse(rows: Sequence[Row], table: dict[str, Any]) -> Figure:
-    """Scenes and the table of expected quality over lengths in resolution cells."""
+    """Scores of all scenes, and the table of expected quality, against lengths in resolution cells."""
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     jitter = np.random.default_rng(0).uniform(-0.02, 0.02, len(rows))
@@ -125,7 +125,7 @@ def collapse(rows: Sequence[Row], table: dict[str, Any]) -> Figure:
 
 
 def against_waves(rows: Sequence[Row]) -> Figure:
-    """F-scores of the same scenes by both solvers."""
+    """F-scores of the same scenes by rays and by full waves, against frequency."""
     figure = Figure(figsize=(8.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for ax, name in zip(panels, ("f_5cm", "f_cells"), strict=True):
@@ -144,7 +144,7 @@ def against_waves(rows: Sequence[Row]) -> Figure:
 
 
 def scene_table(rows: Sequence[Row]) -> Table:
-    """Means by radar and roughness."""
+    """Means by group, radar, material and roughness."""
     keys = list(dict.fromkeys(_key(row) for row in rows))
     lines = []
     for key in keys:
@@ -170,7 +170,7 @@ def _key(row: Row) -> tuple[Any, ...]:
 
 
 def _usual(rows: Sequence[Row], group: str) -> list[Row]:
-    """Of a group, at 8 cm and the published roughness."""
+    """The scenes of a group with an aperture of 8 cm and the published rms height."""
     return [
         row for row in rows
         if row["group"] == group and np.isclose(row["aperture"], 0.08) and np.isclose(row["rms_height"], 0.05e-3)
@@ -178,7 +178,7 @@ def _usual(rows: Sequence[Row], group: str) -> list[Row]:
 
 
 def _curve(ax: Axes, rows: Sequence[Row], name: str, **style: Any) -> None:
-    """Means with standard errors over frequency."""
+    """Draw means with standard errors against frequency."""
     points = []
     for f in sorted({row["frequency"] for row in rows}):
         found = mean_error([row[name] for row in rows if row["frequency"] == f])
@@ -189,7 +189,7 @@ def _curve(ax: Axes, rows: Sequence[Row], name: str, **style: Any) -> None:
 
 
 def _frequencies(ax: Axes) -> None:
-    """A logarithmic axis with a few frequencies."""
+    """Make the x axis a logarithmic axis of frequency with a few labels."""
     ax.set(xscale="log", xlabel="frequency [GHz]", xlim=(50, 1200))
     ax.set_xticks(TICKS, [str(tick) for tick in TICKS], fontsize=7)
     ax.set_xticks([], minor=True)

@@ -1,4 +1,8 @@
-"""Where the true surfaces of a floor plan should appear by way of its walls, and which of them were found there."""
+"""Where the true surfaces of a floor plan should appear by way of its walls, and which of them were found there.
+
+Geometrical optics predicts a ghost of each surface for each chain of walls by way of which the radar sees the surface.
+Detected mirrors and echoes are compared with these ghosts.
+"""
 
 from __future__ import annotations
 
@@ -21,38 +25,39 @@ from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WITHIN_CELLS
 
 SPACING = 0.005
-"""Of the samples of true surfaces [m]: a third of the published range cell."""
+"""Distance between samples of true surfaces [m]: a third of the published range cell."""
 
 NEAR_DEGREES, NEAR = 10.0, 0.10
-"""A mirror is the image of the straight piece that it agrees with to this angle [degree] and distance [m]."""
+"""A detected mirror is taken for the image of a straight piece if both agree within this angle [degree] and distance
+[m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A straight piece of a surface, by its ends (2, 2) [m]; what is seen by way of it is named after the surface."""
+    """A straight piece of a surface, given by its ends (2, 2) [m]. It bears the name of the surface."""
 
     name: str
     ends: Array
 
     @property
     def reflection(self) -> Isometry:
-        """Reflection in it."""
+        """The reflection at this face."""
         return Isometry.reflection(self.ends[0], segment_normal(*self.ends))
 
 
 Way = tuple[Face, ...]
-"""Mirrors from the one that the radar looks into first to the last."""
+"""The mirrors of a path, from the one that the radar looks into first to the last."""
 
 
 def way_name(way: Way) -> str:
-    """Such as ``left wall, then right wall``."""
+    """The mirrors of a path in words, such as ``left wall, then right wall``."""
     return ", then ".join(face.name for face in way) or "line of sight"
 
 
 def image_in(way: Way) -> Isometry:
-    """The map from true places to where the initial image shows what is seen by way of these mirrors.
+    """The map from the true place of an object to its ghost, where the initial image shows it by way of these mirrors.
 
-    The last mirror's image of the object is what the mirror before it shows: the last reflects first.
+    The last mirror reflects first: its image of the object is what the mirror before it shows.
     """
     image = Isometry.identity()
     for face in way:
@@ -72,7 +77,7 @@ def faces_of(scene: Scene) -> list[Face]:
 
 
 def walls_of(scene: Scene) -> list[Face]:
-    """The surfaces that are straight."""
+    """The surfaces that are one straight line, long enough for a mirror."""
     return [face for surface in scene.surface if surface.kind == "segment" for face in faces_of(scene)
             if face.name == surface.name]  # fmt: skip
 
@@ -84,13 +89,15 @@ class Ghost:
     Attributes
     ----------
     surface : str
+        Name of the surface.
     way : tuple of Face
+        The mirrors; empty in line of sight.
     place : (n, 2) array [m]
-        Samples of the whole surface at their mirror images.
+        Mirror images of samples of the whole surface.
     seen : (n,) bool array
-        Those that geometrical optics lets the radar see.
+        Which samples the radar sees by way of these mirrors, by geometrical optics.
     is_wall : bool
-        Whether it is one of the straight surfaces.
+        Whether the surface is straight.
     """
 
     surface: str
@@ -101,27 +108,27 @@ class Ghost:
 
     @property
     def share(self) -> float:
-        """Of the surface that is seen."""
+        """Share of the surface that is seen."""
         return float(self.seen.mean())
 
     @property
     def seen_length(self) -> float:
-        """Length [m] of what is seen of it."""
+        """Length [m] of the part of the surface that is seen."""
         return self.share * float(np.linalg.norm(np.diff(self.place, axis=0), axis=1).sum())
 
     @property
     def way_names(self) -> tuple[str, ...]:
-        """Names of the mirrors on the way."""
+        """Names of the mirrors, in the order of `way`."""
         return tuple(face.name for face in self.way)
 
     @property
     def name(self) -> str:
-        """Such as ``arc in right wall in left wall``, where the radar looks into the left wall first."""
+        """Name such as ``arc in right wall in left wall``; here the radar looks into the left wall first."""
         return " in ".join([self.surface, *reversed(self.way_names)])
 
 
 def ghosts_of(scene: Scene, generations: int) -> list[Ghost]:
-    """What geometrical optics predicts: every surface in line of sight, and by way of up to so many walls."""
+    """All ghosts that geometrical optics predicts: by way of up to `generations` walls, or none in line of sight."""
     walls = walls_of(scene)
     ways: list[Way] = [()]
     for count in range(1, generations + 1):
@@ -141,8 +148,8 @@ def ghosts_of(scene: Scene, generations: int) -> list[Ghost]:
 def surface_of(
     echoes: xr.Dataset, ghosts: Sequence[Ghost], reconstruction: xr.DataTree, *, cells: float = WITHIN_CELLS
 ) -> NDArray[np.intp]:
-    """Which of the ghosts each echo stands at in the initial image, (points,): the nearest within so many resolution
-    cells, or -1.
+    """Number of the ghost at which each echo stands in the initial image, (points,): the nearest ghost, or -1 if it is
+    farther than `cells` resolution cells.
     """
     place = np.column_stack([echoes["x_initial"], echoes["y_initial"]])
     limit = point_cells(echoes, reconstruction.attrs)
@@ -154,21 +161,22 @@ def surface_of(
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """A detected mirror, and the true surface of which it is the image.
+    """A detected mirror, and the true face of which it is the image.
 
     Attributes
     ----------
     chain : str
     generation : int
     ends : (2, 2) array [m]
-        In the initial image.
+        Ends in the initial image.
     way : tuple of Face
-        By which it was seen; None where a mirror on the way is none in truth.
+        The true faces by way of which it was seen; None if a detected mirror among them is the image of no face.
     face : Face or None
-        What it is in truth.
+        The true face; None if the detected mirror is the image of no face.
     angle_error : float [degree]
+        Angle between the detected mirror and the predicted image of the face; NaN without a face.
     offset_error : float [m]
-        Of its middle, across the line where geometrical optics has the image; both NaN where it is none.
+        Distance of the middle of the detected mirror from the line of the predicted image; NaN without a face.
     """
 
     chain: str
@@ -181,14 +189,14 @@ class Identified:
 
     @property
     def name(self) -> str:
-        """Such as ``left wall in right wall``."""
+        """Name such as ``left wall in right wall``; ``no wall`` without a true face."""
         if self.face is None or self.way is None:
             return "no wall"
         return " in ".join([self.face.name, *(face.name for face in reversed(self.way))])
 
 
 def identified(reconstruction: xr.DataTree, scene: Scene) -> list[Identified]:
-    """Every detected mirror with what it is in truth, parents before what is seen by way of them."""
+    """Every detected mirror, with the true face of which it is the image, in the order of the reconstruction."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     chains = mirror_chains(held)
     lines = np.stack([held[name].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
@@ -204,7 +212,9 @@ def identified(reconstruction: xr.DataTree, scene: Scene) -> list[Identified]:
 
 
 def _nearest(ends: Array, way: Way, faces: Sequence[Face]) -> tuple[Face | None, float, float]:
-    """The face whose image in the way a mirror agrees with best, with the errors of angle [degree] and offset [m]."""
+    """The face whose image by way of these mirrors agrees best with a detected mirror, given by its ends (2, 2) [m];
+    and the errors of angle [degree] and offset [m]. None and NaN if no face is near enough.
+    """
     middle, along = ends.mean(axis=0), ends[1] - ends[0]
     best: tuple[float, Face | None, float, float] = (NEAR, None, float("nan"), float("nan"))
     for face in faces:
@@ -223,19 +233,21 @@ def _nearest(ends: Array, way: Way, faces: Sequence[Face]) -> tuple[Face | None,
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """The echoes of an object by one way.
+    """The echoes of an object that is seen by way of certain mirrors.
 
     Attributes
     ----------
     ghost : Ghost
-        Where geometrical optics has it.
+        The ghost that geometrical optics predicts.
     echoes : int
+        Number of its echoes.
     ghost_error, folded_error : float [m]
-        Mean distances of the echoes from the predicted ghost; and, folded, from the object itself. NaN without echoes.
+        Mean distances of the echoes from the predicted ghost; and of the folded echoes from the object itself. NaN
+        without echoes.
     cell : float [m]
         Diagonal of the resolution cell at the ghost.
     covered : float
-        Share of what should be seen that has an echo within a resolution cell.
+        Share of the visible part of the ghost that has an echo within a resolution cell.
     """
 
     ghost: Ghost
@@ -247,9 +259,9 @@ class Shown:
 
 
 def objects_shown(reconstruction: xr.DataTree, scene: Scene, generations: int, cell_of_range: Array) -> list[Shown]:
-    """What is found of every ghost of an object that a mirror should show.
+    """The echoes of every ghost of an object that mirrors should show.
 
-    An echo counts for that surface of which it is nearest to the ghost by the same way, walls included.
+    An echo counts for the nearest of all ghosts by way of the same mirrors, ghosts of walls included.
 
     Parameters
     ----------
@@ -258,7 +270,7 @@ def objects_shown(reconstruction: xr.DataTree, scene: Scene, generations: int, c
     generations : int
         Largest number of mirrors.
     cell_of_range : (2,) array
-        Size of a resolution cell in range [m], and across per metre of range.
+        Size of a resolution cell: in range [m], and in cross-range per metre of range.
     """
     points = confident_points(reconstruction)
     ways = {(*(face.name for face in one.way), one.face.name): one.chain for one in identified(reconstruction, scene)

@@ -17,16 +17,17 @@ ELEMENTS, PITCH, START, STOP = 161, 0.5e-3, 290e9, 300e9
 """The published array and band: 8 cm, 10 GHz."""
 
 RADIUS = 1e-3
-"""Of the target [m]: a circle, whose echo comes from one point at every angle, this much nearer than its middle."""
+"""Radius of the target [m]. The target is a circle: at every angle its echo comes from a single point, which is nearer
+than its middle by the radius."""
 
 CHAINS = ((), ("right",), ("right", "left"), ("right", "left", "right"))
-"""The ways to the target: mirrors in the order in which the wave meets them on its way out."""
+"""The chains of mirrors by way of which the target is seen, in the order in which the outgoing wave meets them."""
 
 LABELS = ("line of sight", "one fold", "two folds", "three folds")
 
 
 def drawn(seed: int) -> tuple[dict[str, Array], Array]:
-    """Two mirrors, (2, 2) ends [m] each, that face each other, and a place between them (2,) [m]."""
+    """Two random mirrors that face each other, by their ends (2, 2) [m], and a random place between them (2,) [m]."""
     random = np.random.default_rng(seed)
     mirrors = {}
     for name, side in (("right", 1.0), ("left", -1.0)):
@@ -37,7 +38,7 @@ def drawn(seed: int) -> tuple[dict[str, Array], Array]:
 
 
 def hall_scene(mirrors: dict[str, Array], target: Array, *, elements: int, points: int) -> Scene:
-    """Mirrors and target, seen by the published array."""
+    """The scene of both mirrors and the target, with an array and a band like the published ones."""
     walls = [{"name": name, "kind": "segment", "start": ends[0].tolist(), "end": ends[1].tolist()}
              for name, ends in mirrors.items()]  # fmt: skip
     circle = {"name": "target", "kind": "circle", "center": target.tolist(), "radius": RADIUS}
@@ -52,9 +53,9 @@ def hall_scene(mirrors: dict[str, Array], target: Array, *, elements: int, point
 
 
 def unfolding(mirrors: dict[str, Array], chain: tuple[str, ...]) -> Isometry:
-    """From where a chain of mirrors shows something to where it stands: the reflections undone, the first one first.
+    """The map from the ghost that a chain of mirrors shows to the true place, as reflections at the true mirrors.
 
-    In terms of the true mirrors the first that the wave meets is the last to make the image.
+    The mirror that the wave meets first is the last to reflect the object into its ghost; so it reflects back first.
     """
     fold = Isometry.identity()
     for name in chain:
@@ -63,7 +64,7 @@ def unfolding(mirrors: dict[str, Array], chain: tuple[str, ...]) -> Isometry:
 
 
 def image_mirrors(mirrors: dict[str, Array]) -> Array:
-    """The mirrors of the longest chain as the image shows them, the first in line of sight, (mirrors, 2, 2) [m]."""
+    """The mirrors of the longest chain where the image shows them, the one in line of sight first, (3, 2, 2) [m]."""
     longest = CHAINS[-1]
     return np.stack(
         [unfolding(mirrors, longest[:before]).inverse(mirrors[name]) for before, name in enumerate(longest)]

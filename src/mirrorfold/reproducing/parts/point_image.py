@@ -1,4 +1,4 @@
-"""The image of one point: where its peak is, how high, and how wide."""
+"""The image of one point: where its peak is, and how high and wide it is."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
 
 PIXELS = 97
-"""Along each side of the image."""
+"""Pixels along each side of the image."""
 
 
 class PointImage:
-    """The image of a sweep about a place where a point is expected.
+    """The image of a sweep around the place where the echo of a point is expected.
 
     Parameters
     ----------
     sweep : Sweep
     expected : (2,) array [m]
     reach : float [m]
-        How far it goes to all sides.
+        Half the side of the image.
 
     Attributes
     ----------
     top : (2,) array [m]
-        Where the peak is.
+        Place of the peak.
     power : RectBivariateSpline
-        Of y and x [m].
+        Power of the image as a function of y and x [m].
     """
 
     def __init__(self, sweep: xr.Dataset, expected: Array, reach: float) -> None:
         x, y = (place + np.linspace(-reach, reach, PIXELS) for place in expected)
         image = mf.focus(sweep, x=x, y=y)
-        # The power, unlike the amplitude, is smooth where the echo fades, so that splines go through it.
+        # Unlike the amplitude, the power is smooth where the echo falls to zero, so that splines fit it.
         self.power = RectBivariateSpline(y, x, np.abs(image.values.astype(complex)) ** 2, kx=3, ky=3)
         scale = self.at(expected)
         peak = minimize(lambda place: -self.at(expected + 1e-3 * place) / scale, np.zeros(2), method="Nelder-Mead",

@@ -11,40 +11,43 @@ import numpy as np
 from mirrorfold.describing.quality import CELLS, NEAR, WIDE
 
 WALL_EDGES = (4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 21.0, 28.0, 40.0, 70.0, 120.0)
-"""Of the classes of walls, by their length in cells."""
+"""Edges of the classes of walls, by the length of the wall in resolution cells."""
 
 LIMIT_EDGES = (0.06, 0.1, 0.16, 0.23, 0.33, 0.47, 0.7, 1.0, 1.5, 2.5, 5.0)
-"""Of the classes of distances from the truth, in cells."""
+"""Edges of the classes of distances up to which a point counts as right, in resolution cells."""
 
 FOUND = 0.25
-"""Of the hidden surfaces must be within 1.5 cells of points for the wall to count as a mirror that shows them."""
+"""A wall counts as a mirror that shows the hidden surfaces if the hidden F-score within 1.5 cells is above this."""
 
 MIRRORED_EDGES_DB = (-17.0, -11.5, -8.5, -5.0, -3.0)
-"""Of the classes of walls, by the share of the power that they mirror at 45 degrees. Those above the last count as good
-mirrors; the two tables above are of them alone."""
+"""Edges of the classes of walls, by the share of the power that they mirror at 45 degrees [dB]. Walls above the last
+edge count as good mirrors; the classes by length and by distance are of them alone."""
 
 FEWEST = 3
-"""Scenes in a class."""
+"""Least number of scores in a class."""
 
 Row = dict[str, Any]
 
 
 def quality_table(rows: Sequence[Row], fewest: int = FEWEST) -> dict[str, Any]:
-    """The two factors of the hidden F-score, by classes of a length in resolution cells.
+    """The factors of the expected hidden F-score.
+
+    The first factor is the chance that the wall is found, by its length in cells. The second is the F-score of the
+    scenes in which it was found, by the distance at which a point counts as right, in cells.
 
     Parameters
     ----------
     rows : sequence of dict
-        Of scenes, as `two_walls_family.judge` returns them.
+        Scores of scenes, as `two_walls_family.judge` returns them.
     fewest : int
-        Scenes in a class that counts.
+        Least number of scores in a class; other classes are left out.
 
     Returns
     -------
     dict
-        `found` and `close`, each with `at`, `mean`, `standard_error` and `scenes` by class, and the range in which it
-        is `valid`; `close_in_cells` with a mean and its standard error; `mirrored`, the factor of lossy walls by their
-        level [dB]; and the number of scenes.
+        `found` and `close`, the two factors, each with `at`, `mean`, `standard_error` and `scenes` by class, and the
+        range of lengths in which it is `valid`; `close_in_cells`, the second factor at 1.5 cells, with its standard
+        error; `mirrored`, a factor for lossy walls by the share that they mirror [dB]; and the number of `scenes`.
     """
     used = [row for row in rows if row["mirrored_db"] >= MIRRORED_EDGES_DB[-1]]
     seen = [row for row in used if row["shown"] and row["f_cells"] > FOUND]
@@ -66,7 +69,7 @@ def quality_table(rows: Sequence[Row], fewest: int = FEWEST) -> dict[str, Any]:
 
 
 def _of_lossy_walls(rows: Sequence[Row], fewest: int) -> dict[str, list[float]]:
-    """F at 1.5 cells over that of the same scene with good mirrors, by classes of the mirrored share [dB]."""
+    """F-score at 1.5 cells, over that of the same scene with good mirrors, by classes of the mirrored share [dB]."""
     names = ("frequency", "bandwidth", "aperture", "seed", "object_correlation")
     good = {
         tuple(row[name] for name in names): row["f_cells"]
@@ -75,7 +78,7 @@ def _of_lossy_walls(rows: Sequence[Row], fewest: int) -> dict[str, list[float]]:
     }
     lossy = [row for row in rows if row["mirrored_db"] < MIRRORED_EDGES_DB[-1]]
     pairs = [(row, good[key]) for row in lossy if (key := tuple(row[name] for name in names)) in good]
-    # Levels are negative, and classes are of positive lengths.
+    # `_classes` takes logarithms, but the levels are negative: their signs are changed there and back.
     ratios = [(-row["mirrored_db"], row["f_cells"] / other) for row, other in pairs]
     table = _classes(ratios, [-edge for edge in reversed(MIRRORED_EDGES_DB)], fewest)
     at = [-value for value in reversed(table["at"])]
@@ -85,7 +88,11 @@ def _of_lossy_walls(rows: Sequence[Row], fewest: int) -> dict[str, list[float]]:
 
 
 def _classes(pairs: Sequence[tuple[float, float]], edges: Sequence[float], fewest: int) -> dict[str, list[float]]:
-    """Means over classes; a class where all are alike has the standard error of one that differs, among so many."""
+    """Means and standard errors of values by classes of a positive quantity, given as pairs (quantity, value).
+
+    The standard deviation of n values is taken to be at least ``1 / (n + 1)``: a few values that are all alike do not
+    prove that all further ones are.
+    """
     table: dict[str, list[float]] = {"at": [], "mean": [], "standard_error": [], "scenes": [], "valid": []}
     for low, high in pairwise(edges):
         inside = [(at, value) for at, value in pairs if low <= at < high]

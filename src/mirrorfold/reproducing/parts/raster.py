@@ -1,7 +1,7 @@
-"""What the experiments with the raster radar share: scenes at reduced size, folded volumes, the walls that were found.
+"""Shared by the experiments with the raster radar: scenes at reduced size, folded volumes, the walls that were found.
 
-All scans are simulated by rays: frozen diffuse scatterers on surfaces and inside walls, seen directly and by way of
-specular mirrors.
+All scans are simulated by rays: diffuse scatterers at fixed places on surfaces and inside walls are seen directly and
+by way of specular mirrors.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 from mirrorfold.tree.rounds import find_tree
 
 SNR_DB = 20.0
-"""Per sample; a hidden body then stands some 30 dB above the noise of the volume."""
+"""Signal over noise of a sample [dB]; a hidden body then stands some 30 dB above the noise of the volume."""
 
 TOLD_DB = 10.0
-"""A wall is as thick as its mean profile is above its peak less this."""
+"""The apparent thickness of a wall is the width of its mean profile at this level below its peak [dB]."""
 
 EDGE = 0.10
-"""Beams this close to the edge of a wall, three times their radius, also see what is beside it [m]."""
+"""Beams that meet a wall this close to its edge, three times their radius, also see what is beside the wall [m]."""
 
 DEPTHS = np.arange(-0.06, 0.08, 0.0005)
-"""Depths across a wall at which its profile is taken [m]: a tenth of a range cell apart."""
+"""Depths behind the face of a wall at which its profile is sampled [m]: a tenth of a range cell apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +45,9 @@ class Wall:
     Attributes
     ----------
     chain : str
-        By which it shows objects.
+        Chain of the objects that are seen by way of it.
     center, normal : (3,) arrays [m]
-        The normal has length one.
+        Center, and unit normal.
     corners : (4, 3) array [m]
     angle_error : float [degree]
         Standard error of the fit.
@@ -67,7 +67,7 @@ class Wall:
 def reduced(scene: Scene3D, *, beams: int, frequencies: int) -> Scene3D:
     """The same scene, scanned with fewer beams on each side, and fewer frequencies of the same band."""
     azimuth, elevation = scene.scanner.azimuth, scene.scanner.elevation
-    assert azimuth is not None  # a grid, in all scenes that come along
+    assert azimuth is not None  # the beams form a grid in all shipped scenes
     assert elevation is not None
     sides = replace(azimuth, points=beams), replace(elevation, points=beams)
     scanner = replace(scene.scanner, azimuth=sides[0], elevation=sides[1])
@@ -75,7 +75,7 @@ def reduced(scene: Scene3D, *, beams: int, frequencies: int) -> Scene3D:
 
 
 def without_pictures(sweep: xr.Dataset) -> xr.DataTree:
-    """The reconstruction of a scan, whose pictures are a few pixels: they take most of the time."""
+    """The reconstruction of a scan with pictures of a few pixels, because pictures take most of the time."""
     few = np.array([0.0, 1.0])
     return mf.FoldPlan(mf.focus(sweep)).fold(grid=(few, few + 1.0, few))
 
@@ -94,21 +94,21 @@ def walls_of(reconstruction: xr.DataTree) -> list[Wall]:
 
 
 def hidden_points(reconstruction: xr.DataTree) -> xr.Dataset:
-    """The points that were seen by way of a mirror: of objects, and on the faces of further mirrors."""
+    """The points that were seen by way of mirrors: of objects, and on the faces of further mirrors."""
     points = confident_points(reconstruction)
     return points.isel(point=points["bounces"].values > 0)
 
 
 def places_of(points: xr.Dataset) -> Array:
-    """Where points stand, (n, 3) [m]."""
+    """Folded places of points, (n, 3) [m]."""
     return np.stack([points[axis].values for axis in "xyz"], axis=-1)
 
 
 def wall_profile(volume: xr.DataArray, wall: Wall) -> xr.DataArray:
-    """Mean power across a wall, at depths behind its plane [m], relative to the largest.
+    """Mean power across a wall at the depths `DEPTHS` behind its plane, relative to its maximum.
 
-    Each beam that meets the wall looks through it along its own direction; what it shows a range d behind the plane
-    lies ``d cos(t)`` deep, with t the angle of incidence. Noise is taken off.
+    The mean is over all beams that meet the wall away from its edges. An echo that a beam shows at a range d behind the
+    plane lies ``d cos(t)`` deep, with the angle of incidence t of the beam. The power of the noise is subtracted.
     """
     view = to_volume_view(volume)
     cosine = np.abs(view.sight @ wall.normal)
@@ -122,7 +122,7 @@ def wall_profile(volume: xr.DataArray, wall: Wall) -> xr.DataArray:
 
 
 def _inside(points: Array, wall: Wall) -> Mask:
-    """Which points (n, 3) of its plane lie on a wall, away from its edges."""
+    """Which points (n, 3) [m] of the plane of a wall lie on the wall, at least `EDGE` away from its edges."""
     center = wall.corners.mean(axis=0)
     inside = np.ones(len(points), dtype=bool)
     for i in (0, 1):
@@ -133,7 +133,7 @@ def _inside(points: Array, wall: Wall) -> Mask:
 
 
 def thickness(profile: xr.DataArray) -> float:
-    """Width of a profile of power where it has fallen by `TOLD_DB` [m], interpolated between its samples."""
+    """Width [m] of a profile of power at `TOLD_DB` below its maximum, interpolated between its samples."""
     power, depth = profile.values, profile["depth"].values
     level = 10.0 ** (-TOLD_DB / 10.0) * power.max()
     above = np.flatnonzero(power >= level)
@@ -144,9 +144,10 @@ def thickness(profile: xr.DataArray) -> float:
 
 
 def folded_voxels(volume: xr.DataArray, grids: list[tuple[Grid, bool]]) -> list[xr.DataArray]:
-    """Amplitude of the scene on grids (x, y, z) [m]: as the radar sees it, or folded where `folded` is true.
+    """Amplitude on grids of voxels: folded if the second item of a pair is true, otherwise as the radar sees the scene.
 
-    Each voxel of the folded scene looks up the volume where a chain of mirrors shows it.
+    The first item of a pair has the coordinates x, y and z [m] of the grid. Each voxel of the folded scene takes its
+    value from the place in the volume where a chain of mirrors shows this voxel.
     """
     view = see(volume)
     echoes = find_echoes(view)
@@ -166,7 +167,7 @@ def folded_voxels(volume: xr.DataArray, grids: list[tuple[Grid, bool]]) -> list[
 
 
 def upright(voxels: xr.DataArray, middle: Array, along: Array, distance: Array, height: Array) -> xr.DataArray:
-    """An upright section (height, distance) of voxels: through `middle` (3,) [m], horizontally `along` (3,)."""
+    """An upright section (height, distance) of voxels through `middle` (3,) [m], horizontally along `along` (3,)."""
     place = middle[:2] + distance[:, None] * along[:2]
     index = []
     for name, values in (("z", height[:, None]), ("y", place[None, :, 1]), ("x", place[None, :, 0])):
@@ -178,5 +179,5 @@ def upright(voxels: xr.DataArray, middle: Array, along: Array, distance: Array, 
 
 
 def around(middle: Array, half: tuple[float, float, float], step: float = 0.01) -> Grid:
-    """Coordinates x, y and z [m] of voxels around a place, up to half the sides of the box."""
+    """Coordinates x, y and z [m] of the voxels of a box around a place; `half` has half the sides of the box [m]."""
     return tuple(np.arange(m - h, m + h + 0.5 * step, step) for m, h in zip(middle, half, strict=True))

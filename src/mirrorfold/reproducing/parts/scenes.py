@@ -1,4 +1,4 @@
-"""The scenes of experiments: those that come along, and floor plans made from numbers."""
+"""The scenes of experiments: those that come with the package, and floor plans made from numbers."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mirrorfold.scenes.solids import Scene3D
 
 
 def shipped_plan(name: str) -> Scene:
-    """A floor plan that comes along, by the name of its file without ``.toml``."""
+    """A floor plan that comes with the package, by the name of its file without ``.toml``."""
     return _flat(mf.load_scene(_path(name)))
 
 
 def shipped_solids(name: str) -> Scene3D:
-    """A scene in space that comes along."""
+    """A scene in three dimensions that comes with the package, by the name of its file without ``.toml``."""
     found = mf.load_scene(_path(name))
     if not isinstance(found, Scene3D):
         raise InputError(f"scene {name!r} has two dimensions, expected three")
@@ -25,12 +25,12 @@ def shipped_solids(name: str) -> Scene3D:
 
 
 def plan_scene(content: dict[str, Any]) -> Scene:
-    """A floor plan from what its file would hold."""
+    """A floor plan from the content that its file would have."""
     return _flat(mf.parse_scene(content))
 
 
 def random_scenes(count: int) -> str:
-    """So many random scenes, in words."""
+    """A number of random scenes, in words."""
     return f"{count} random scenes" if count > 1 else "one random scene"
 
 
@@ -39,7 +39,7 @@ def _path(name: str) -> str:
 
 
 def _flat(scene: Scene | Scene3D) -> Scene:
-    """A scene that has two dimensions."""
+    """The scene itself, after a check that it has two dimensions."""
     if not isinstance(scene, Scene):
         raise InputError(f"scene {scene.name!r} has three dimensions, expected two")
     return scene

@@ -26,13 +26,15 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 FLOOR_DB = -50.0
-"""Bodies stand 20 to 40 dB below the walls that show them."""
+"""Floor of the pictures [dB]: bodies stand 20 to 40 dB below the walls that show them."""
 
 DOTTED = (0, (1, 1.5))
 IMAGE_COLOUR = "#0072B2"
+"""Line style and colour of true mirror images."""
 
 FEW = 4
-"""Outlines of more segments are drawn with gaps, which dots shorter than a segment would not show."""
+"""Dotted outlines of more segments than this are drawn without every other segment: their segments are too short for
+dots."""
 
 REACH = 0.33
 """Half the side of the picture of a body alone [m]."""
@@ -41,10 +43,10 @@ STEP = 0.01
 """Pixels of the sections [m]."""
 
 BORDER = 0.2
-"""Space around what is shown [m]."""
+"""Space around the points in the horizontal sections [m]."""
 
 BODY = (0.55, 0.55, 1.0)
-"""Half the sides of the box that holds a body [m]."""
+"""Half the sides of the box of voxels around a body [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +56,13 @@ class Sections:
     Attributes
     ----------
     plan_before, plan_after : (y, x) DataArray
-        At the height `level` [m].
+        Horizontal sections at the height `level`, before and after folding.
     side_before, side_after : (height, distance) DataArray
-        In the upright plane through the body's middle, along the way of its echoes: before folding along the line of
-        sight from the radar, after it from the body's middle towards the mirror.
+        Upright sections through the body's middle, along the path of its echoes: before folding along the line of sight
+        from the radar to the ghost, after folding from the body's middle towards the mirror.
+    level : float [m]
     view : Facing
+        The view of the body from the mirror image of the radar.
     wall : Wall
         The mirror that shows the body.
     """
@@ -73,22 +77,25 @@ class Sections:
 
     @property
     def ghost(self) -> Array:
-        """Where the radar sees the body's middle, (3,) [m]."""
+        """Ghost of the body's middle, (3,) [m]."""
         return self.wall.image(self.view.middle[None])[0]
 
     @property
     def sight(self) -> Array:
-        """Horizontal direction from the radar to it, (3,)."""
+        """Horizontal unit vector from the radar towards the ghost, (3,)."""
         return unit([*self.ghost[:2], 0.0])
 
     def dataset(self) -> dict[str, xr.DataTree]:
-        """All four by name."""
+        """All four sections by name."""
         names = ("plan_before", "plan_after", "side_before", "side_after")
         return {name: xr.DataTree(getattr(self, name).rename("amplitude").to_dataset()) for name in names}
 
 
 def sections(volume: xr.DataArray, reconstruction: xr.DataTree, view: Facing, wall: Wall, *, level: float) -> Sections:
-    """Sections through a body at a height [m] and through its middle; the radar stands in the origin."""
+    """Sections through a body: horizontal at the height `level` [m], upright through its middle.
+
+    The radar stands at the origin.
+    """
     points = confident_points(reconstruction)
     before = np.stack([points[f"{axis}_initial"].values for axis in "xy"], axis=-1)
     after = np.stack([points[axis].values for axis in "xy"], axis=-1)
@@ -117,9 +124,9 @@ def sections(volume: xr.DataArray, reconstruction: xr.DataTree, view: Facing, wa
 
 
 def draw_sections(found: Sections, scene: Scene3D, *, mirrored: tuple[str, ...]) -> Figure:
-    """The sections, and the body in both once more by itself, at a scale of its own.
+    """Draw the sections; after folding also the body alone in both sections, each at a scale of its own.
 
-    True surfaces are drawn thin, and dotted where the mirror should show those of the names `mirrored`.
+    Thin lines are true surfaces. Dotted lines are the mirror images of the surfaces that `mirrored` names.
     """
     figure = Figure(figsize=(11.0, 10.2), layout="constrained")
     rows: Any = [["before"] * 6 + ["after"] * 6, ["line"] * 6 + ["top"] * 3 + ["side"] * 3]
@@ -168,7 +175,7 @@ def _image(ax: Axes, section: xr.DataArray) -> AxesImage:
 
 
 def _lines(ax: Axes, groups: list[Array], *, dotted: bool = False) -> None:
-    """Draw segments (n, 2, 2) [m]: of the truth, or dotted of what a mirror should show."""
+    """Draw segments (n, 2, 2) [m] of true surfaces, or dotted ones of their mirror images."""
     for lines in groups:
         colour, style = (IMAGE_COLOUR, DOTTED) if dotted else (TRUTH_COLOUR, "solid")
         thin = lines[::2] if dotted and len(lines) > FEW else lines
@@ -176,5 +183,5 @@ def _lines(ax: Axes, groups: list[Array], *, dotted: bool = False) -> None:
 
 
 def _along(lines: Array, middle: Array, along: Array) -> Array:
-    """Segments (n, 2, 3) in an upright plane: distance from a middle along a direction, and height [m]."""
+    """Segments (n, 2, 3) [m] in an upright plane, (n, 2, 2) [m]: distance from `middle` in a direction, and height."""
     return np.stack([(lines - middle) @ along, lines[..., 2]], axis=-1)

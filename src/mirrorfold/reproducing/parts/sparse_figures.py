@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
 
 FLOOR_DB = -70.0
-"""Of the images: a glint is tens of decibels above what is hidden."""
+"""Floor of the images [dB]: a glint is tens of decibels above the echoes of hidden objects."""
 
 STYLES = {
     "delay and sum": {"color": "#d95f02", "linestyle": "--", "marker": "o"},
@@ -25,7 +25,7 @@ STYLES = {
 
 
 def draw_quality(data: xr.Dataset) -> Figure:
-    """Hidden F at 1.5 cells against the share: a row for each family, a column for each way to choose."""
+    """Hidden F-score at 1.5 cells against the share that is measured: a row for each family, a column for each kind."""
     from matplotlib.figure import Figure
 
     families, kinds = data["family"].values, data["kind"].values
@@ -57,7 +57,7 @@ def draw_quality(data: xr.Dataset) -> Figure:
 
 
 def draw_example(example: dict[str, xr.DataTree], scene: Scene) -> Figure:
-    """Initial images above, folded points below."""
+    """Initial images above, folded points below, a column for each method."""
     from matplotlib.figure import Figure
 
     names = ["all channels", "delay and sum", "sparse"]
@@ -90,7 +90,7 @@ def draw_example(example: dict[str, xr.DataTree], scene: Scene) -> Figure:
 
 
 def draw_unexplained(data: xr.Dataset) -> Figure:
-    """The loss of sparse imaging against what no reflectivities explain, a point for each scene."""
+    """The loss of sparse imaging against the share that no reflectivities explain, a point for each scene."""
     from matplotlib.figure import Figure
 
     kinds = data["kind"].values

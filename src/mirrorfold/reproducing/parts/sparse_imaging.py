@@ -1,4 +1,8 @@
-"""Sparse imaging: few channels or modes, l1 reconstruction, and the whole sweep that it predicts."""
+"""Sparse imaging: few channels or modes, l1 reconstruction, and the whole sweep that it predicts.
+
+A measurement of fewer numbers than the whole sweep is explained by as few bright pixels as possible. From these pixels
+the samples of the whole sweep are predicted, which can be focused and folded as usual.
+"""
 
 from __future__ import annotations
 
@@ -14,36 +18,38 @@ from mirrorfold.common.types import Mask
 Samples = NDArray[np.complex64]
 
 LEVEL_DB = -60.0
-"""The l1 penalty's threshold over the brightest pixel of the matched filter: near the noise of the weakest measurement
-here, as far below the brightest as fold looks for echoes."""
+"""Threshold of the l1 penalty, relative to the brightest pixel of the matched filter [dB]: near the noise of the
+weakest measurement here, and as far below the brightest pixel as `mirrorfold.fold` looks for echoes."""
 
 POWER_ITERATIONS, STEP_SHARE = 6, 0.85
-"""Power iterations for the largest eigenvalue of A^H A, which come from below, and the step's share of its inverse."""
+"""Number of power iterations for the largest eigenvalue of ``A^H A``, and step of FISTA as a share of its inverse. The
+share is below 1 because the iterations approach the eigenvalue from below."""
 
 
 class Measurement(Protocol):
-    """A way to measure less than the whole sweep."""
+    """A way to measure less than the whole sweep; `operator` is the map A from reflectivities to measurements."""
 
     operator: LinearOperator
 
     def measured(self, s: Samples) -> Samples:
-        """What is measured of a whole sweep, one vector."""
+        """The measurements, one vector, of the samples of a whole sweep."""
 
     def matched(self, y: Samples) -> Samples:
         """The matched filter of measurements: samples (frequency, tx, rx) to be focused."""
 
     def completed(self, y: Samples, x: Samples) -> Samples:
-        """The whole sweep that reflectivities x predict, and what was measured besides."""
+        """The whole sweep that reflectivities x predict, corrected by the measurements y."""
 
 
 class Channels:
-    """Some channels (frequency, tx, rx) of the sweep and no others.
+    """A measurement of some channels (frequency, tx, rx) of the sweep.
 
     Parameters
     ----------
     model : FocusOperator
-        Of all channels.
+        Map from reflectivities to the samples of all channels.
     chosen : (frequency, tx, rx) bool array
+        The channels that are measured.
     """
 
     def __init__(self, model: mf.FocusOperator, chosen: Mask) -> None:
@@ -60,30 +66,32 @@ class Channels:
         return s[self._chosen]
 
     def matched(self, y: Samples) -> Samples:
-        """The chosen samples in their places, nothing elsewhere."""
+        """The chosen samples in their places, and zero elsewhere."""
         s = np.zeros(self._chosen.shape, dtype=np.complex64)
         s[self._chosen] = np.ravel(y)
         return s
 
     def completed(self, y: Samples, x: Samples) -> Samples:
-        """Measured samples where there are any, and what x predicts elsewhere."""
+        """The measured samples, and in all other channels the samples that x predicts."""
         s = self._model.all_samples(x)
         s[self._chosen] = y
         return s
 
 
 class Modes:
-    """Modes of two random-phase apertures: every element radiates all the time, with a random phase for each mode.
+    """Modes of two random-phase apertures: in each mode all elements are active, each with a random phase.
 
-    At each frequency m the measurements are ``Y_m = T_m S_m R_m^T``, with fewer rows of T and R than elements.
+    At each frequency m the measurements are ``Y_m = T_m S_m R_m^T``. A row of T or R has the phases of one mode; there
+    are fewer modes than elements.
 
     Parameters
     ----------
     model : FocusOperator
-        Of all channels.
+        Map from reflectivities to the samples of all channels.
     shape : (frequency, tx, rx)
     share : float
-        Of the number of measurements; half of it, in decibels, on either side.
+        Number of measurements over the number of channels. Either side has ``sqrt(share)`` times as many modes as
+        elements.
     random : numpy.random.Generator
     """
 
@@ -99,18 +107,18 @@ class Modes:
         )
 
     def measured(self, s: Samples) -> Samples:
-        """T S R^T of every frequency."""
+        """``T S R^T`` at every frequency, one vector."""
         return np.ravel(np.asarray(self._tx @ s @ self._rx.swapaxes(1, 2), dtype=np.complex64))
 
     def matched(self, y: Samples) -> Samples:
-        """T^H Y conj(R)."""
+        """``T^H Y conj(R)`` at every frequency."""
         return np.asarray(self._tx.conj().swapaxes(1, 2) @ y.reshape(self.size) @ self._rx.conj())
 
     def completed(self, y: Samples, x: Samples) -> Samples:
-        """What x predicts, and the matched filter of what it leaves unexplained.
+        """The samples that x predicts, plus the matched filter of the measurements that x leaves unexplained.
 
-        The least correction that gives the measurements exactly would amplify noise where modes are nearly as many as
-        elements. T^H / n is the inverse but for the modes' overlap.
+        The smallest correction that reproduces the measurements exactly would amplify noise if there are nearly as many
+        modes as elements. ``T^H / n``, for n elements, is the inverse of T up to the overlap of the modes.
         """
         s = self._model.all_samples(x)
         elements = self._shape[1] * self._shape[2]
@@ -123,10 +131,10 @@ def random_channels(kind: str, share: float, shape: tuple[int, ...], random: np.
     Parameters
     ----------
     kind : {"channels", "frequencies", "elements"}
-        Any of them; all pairs at some frequencies; some transmitters with some receivers at all frequencies, the same
-        share of both.
+        Any channels; all pairs at some frequencies; or some transmitters with some receivers at all frequencies, the
+        same share of both.
     share : float
-        Of all channels.
+        Number of chosen channels over that of all channels.
     shape : (frequencies, transmitters, receivers)
     random : numpy.random.Generator
     """
@@ -142,7 +150,7 @@ def random_channels(kind: str, share: float, shape: tuple[int, ...], random: np.
 
 
 class Sparse(NamedTuple):
-    """A sparse reconstruction."""
+    """A sparse reconstruction, as `sparse_reflectivity` describes it."""
 
     x: Samples
     falls: float
@@ -155,7 +163,7 @@ def sparse_reflectivity(measurement: Measurement, y: Samples, iterations: int) -
     -------
     x : (pixels,) array
     falls : float
-        By what share the cost still fell in the second half of the iterations.
+        Share by which the cost still fell in the second half of the iterations.
     """
     import pylops
     from pylops.optimization.sparsity import fista

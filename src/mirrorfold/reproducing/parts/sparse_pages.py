@@ -6,7 +6,7 @@ import xarray as xr
 
 
 def in_a_word(text: str) -> str:
-    """A name as it stands in the names of numbers."""
+    """A name in the form that the names of numbers need: without commas and spaces."""
     return text.replace(",", "").replace(" ", "_")
 
 

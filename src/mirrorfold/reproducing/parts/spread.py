@@ -1,4 +1,4 @@
-"""Numbers of a scene beside those of random scenes: means with standard errors, and their table."""
+"""Numbers of a scene beside those of random scenes: means with standard errors, and a table of them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Table
 
 UNITS = ("deg", "m", "db")
-"""Last words of the names of numbers that have a unit."""
+"""Units with which the names of numbers may end."""
 
 Row = tuple[str, str, float, str]
-"""A line of the table: name of the number, what it is, factor, format."""
+"""A row of the table: name of the number, its description, a factor for its unit, and its format."""
 
 
 def spread(draws: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Mean and standard error of every number of random scenes, where it is known; nothing without scenes.
+    """Mean and standard error of every number over the random scenes in which it is known; empty without scenes.
 
     Examples
     --------
@@ -36,7 +36,10 @@ def spread(draws: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 def spread_table(title: str, of: str, first: Mapping[str, float], draws: Sequence[Mapping[str, float]],
                  rows: Sequence[Row]) -> Table:  # fmt: skip
-    """The numbers of the scene, and of random ones, called `of`: mean, standard error, least and largest."""
+    """A table of the numbers of the scene, and their mean, standard error, least and largest value in random scenes.
+
+    `of` is the name of the random scenes in the heading.
+    """
     columns = ["", "the scene"]
     if draws:
         columns += [f"mean of {len(draws)} {of}", "standard error", "from", "to"]
@@ -45,8 +48,8 @@ def spread_table(title: str, of: str, first: Mapping[str, float], draws: Sequenc
         line = [what, format(factor * first[name], form)]
         if draws:
             values = factor * _known(draws, name)
-            told = values.mean(), _error(values), values.min(), values.max()
-            line += [format(value, form) for value in told]
+            statistics = values.mean(), _error(values), values.min(), values.max()
+            line += [format(value, form) for value in statistics]
         lines.append(line)
     return Table(title=title, columns=columns, rows=lines)
 

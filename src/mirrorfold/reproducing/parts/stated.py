@@ -1,4 +1,4 @@
-"""The errors of reconstructions over the standard errors that they state."""
+"""The true errors of reconstructions, divided by the standard errors that the reconstructions state."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 def stated_errors(reconstruction: xr.DataTree, scene: Scene) -> dict[str, list[float]]:
-    """Errors over their standard errors.
+    """True errors divided by the standard errors that a reconstruction states, by name.
 
-    Of the `angle` and `offset` of each mirror that is an image of a true face, at its true place; and of the `points`
-    of objects that were folded, square to the surface that they stand at, as far as they stand at one at all.
+    `angle` and `offset` are of each folded mirror that matches a true face. `points` are of each folded point of an
+    object within 1.5 resolution cells of a true surface; its error is measured perpendicular to this surface.
     """
     found = reconstruction.children["mirrors"].to_dataset(inherit=False)
     angle, offset = [], []

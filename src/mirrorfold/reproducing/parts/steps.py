@@ -1,4 +1,4 @@
-"""The algorithm step by step, drawn from a reconstruction: image, classification, and each generation folded."""
+"""The algorithm step by step, drawn from a reconstruction: image, mirrors and objects, and each generation folded."""
 
 from __future__ import annotations
 
@@ -31,19 +31,21 @@ PANEL, COLUMNS = 3.5, 3
 """Width of a panel [inch], and how many stand side by side."""
 
 FLOOR_DB = -40.0
+"""Floor of the images [dB]."""
 
 
 def generations(reconstruction: xr.DataTree) -> int:
-    """Largest number of mirrors in a chain."""
+    """The deepest generation of the mirrors that were found."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)["generation"].values
     return int(held.max(initial=0))
 
 
 def partial_folds(reconstruction: xr.DataTree, generation: int) -> dict[str, Isometry]:
-    """Where everything goes when the deepest generations down to this one have been folded, by chain.
+    """The maps, by chain, of the initial image after the folding of all generations from the deepest to this one.
 
-    The initial image holds the lines of all mirrors. What was seen through a chain is reflected across its last mirror
-    first, then across the one before it, and so on to the one of this generation; shorter chains stay as they are.
+    The mirrors are at their places in the initial image. Echoes that were seen by way of a chain are reflected at the
+    last mirror of the chain first, then at the mirror before it, and so on to the mirror of this generation. Echoes of
+    shorter chains stay where they are.
     """
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     found = {"": Isometry.identity()}
@@ -57,9 +59,9 @@ def partial_folds(reconstruction: xr.DataTree, generation: int) -> dict[str, Iso
 
 
 def folded_down_to(reconstruction: xr.DataTree, generation: int, extent: Extent) -> xr.DataArray:
-    """The initial image (y, x) with the deepest generations down to this one folded.
+    """The initial image (y, x) after the folding of all generations from the deepest to this one.
 
-    What is drawn of it is what the reconstruction kept: the image within a resolution cell of each of its points.
+    Only the echoes that became points of the reconstruction are drawn: the image within a resolution cell of each.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def folded_down_to(reconstruction: xr.DataTree, generation: int, extent: Extent)
 
 
 def steps(reconstruction: xr.DataTree, scene: Scene) -> tuple[Figure, dict[str, xr.DataArray]]:
-    """A panel for each step, and the images in them by the name of the step."""
+    """A figure with a panel for each step, and the images in the panels by the name of the step."""
     before, after = (content_extent(reconstruction, scene, folded=folded) for folded in (False, True))
     extent = (min(before[0], after[0]), max(before[1], after[1]), min(before[2], after[2]), max(before[3], after[3]))
     deepest = generations(reconstruction)
@@ -143,7 +145,7 @@ def _image(ax: Axes, image: xr.DataArray, title: str, number: int) -> None:
 
 
 def _points(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
-    """The objects, folded down to that generation."""
+    """Draw the points of objects, with all generations from the deepest to this one folded."""
     points = confident_points(reconstruction)
     points = points.isel(point=points["surface"].values == "object")
     folds, bounces = partial_folds(reconstruction, generation), points["bounces"].values
@@ -154,13 +156,13 @@ def _points(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
 
 
 def _mirrors(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
-    """The mirrors, each folded by the chain that it was seen through."""
+    """Draw the mirrors, each folded by the chain by way of which it was seen, down to this generation."""
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     folds = partial_folds(reconstruction, generation)
     lines = zip(mirror_chains(held), mirror_lines(reconstruction, folded=False), strict=True)
     for chain, (ends, depth) in sorted(lines, key=lambda line: -line[1][1]):
         place: Array = folds[chain.rpartition("/")[0]](ends)
-        width = 1.6 + 1.8 * (depth - 1)  # those that come to lie on one another show all the same
+        width = 1.6 + 1.8 * (depth - 1)  # deeper ones are wider and drawn first: all of them show where they coincide
         ax.plot(*place.T, color=colour_of(depth - 1), linewidth=width, solid_capstyle="round", path_effects=halo(2.0))
 
 

@@ -1,4 +1,4 @@
-"""How bright a flat metal box is that is seen obliquely, by the share of its reflection that is diffuse."""
+"""How bright a flat metal box is at oblique incidence, by its texture: the share of its reflection that is diffuse."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.speckle import diffuse_share
 
 BOX, BEHIND, MIRROR = "extinguisher box", "inner wall", "outer wall"
-"""The box, the wall behind it that it is compared with, and the wall that shows both."""
+"""The box; the wall behind it, with which it is compared; and the wall that shows both."""
 
 LEAST = 0.006
-"""Left end of the picture: what is diffuse there is 12 dB below the wall."""
+"""Least diffuse share in the picture, its left end: such a box is 12 dB darker than the wall."""
 
 
 def box_of(scene: Scene3D) -> Any:
-    """The box."""
+    """The box among the surfaces of a scene."""
     return next(one for one in scene.surface if one.name == BOX)
 
 
 def over_wall_db(body: Folded) -> float:
-    """Level of the points on the box over those on the wall behind it [dB]; minus infinity where hardly any are.
+    """Level of the points on the box over those on the wall behind it [dB]; minus infinity with fewer than `FEWEST`.
 
-    A few points of what stands near the box are none of it.
+    So few points are probably not of the box, but of surfaces near it.
     """
     if np.count_nonzero(body.of(BOX)) < FEWEST:
         return -np.inf
@@ -41,14 +41,18 @@ def over_wall_db(body: Folded) -> float:
 
 
 def level_of(scene: Scene3D, share: float) -> float:
-    """The same for a box of another texture: `share` of its reflection is diffuse."""
+    """Level of the box over the wall behind it [dB], if this share of the box's reflection is diffuse."""
     changed = tuple(replace(one, diffuse_fraction=share) if one.name == BOX else one for one in scene.surface)
     other = replace(scene, surface=changed)
     return over_wall_db(bodies.folded(without_pictures(mf.simulate(other, snr_db=SNR_DB, bounces=1)), other))
 
 
 def predicted_db(scene: Scene3D, body: Folded) -> float:
-    """The same by Lambert's law: a beam that a surface fills returns ``Q(t) cos(t)``, Q the share that is diffuse."""
+    """Predicted level of the box over the wall behind it [dB], by Lambert's law.
+
+    A beam that a surface fills returns the power ``Q(t) cos(t)``, with the angle of incidence t and the share Q that
+    is scattered diffusely.
+    """
     frequency, means = 0.5 * (scene.band.start + scene.band.stop), []
     mirror = next(one for one in scene.surface if one.name == MIRROR)
     center, normal = mirror.frame.shift, mirror.frame.linear[:, 1]
@@ -81,7 +85,10 @@ def levels_dataset(levels: dict[float, float]) -> xr.Dataset:
 
 
 def draw_levels(levels: dict[float, float], share: float, predicted: float, body: float) -> Figure:
-    """Level of the box against its texture, with what is `predicted` [dB] at one `share`, and that of the `body`."""
+    """Draw the level of the box against its diffuse share, with the level `predicted` at one `share`, and the `body`'s.
+
+    All levels are relative to the inner wall [dB].
+    """
     figure = Figure(figsize=(8.0, 4.8), layout="constrained")
     ax = figure.subplots()
     line = np.geomspace(LEAST, 1.0, 50)

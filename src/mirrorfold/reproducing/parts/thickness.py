@@ -1,4 +1,9 @@
-"""How thick a wall appears, and what of it is the beam, the range cell, and scattering inside."""
+"""How thick a wall appears, and how much of this is due to the beam, the range cell, and scattering inside the wall.
+
+The mean power across a wall is measured for walls that scatter on their faces alone, and down to several depths. The
+profile of a wall that scatters inside is predicted from that of the face alone, shifted to the depths of all
+scatterers.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +34,13 @@ from mirrorfold.scenes.solids import Panel, Scene3D
 from mirrorfold.simulation.raster.speckle import diffuse_share
 
 BEAMS = (61, 31)
-"""Beams across and up. The scan is half as high as wide: its mean profile does not need more."""
+"""Number of beams in azimuth and in elevation. The scan is half as high as wide, which suffices for a mean profile."""
 
 HANN_TOLD = 2.56
-"""Width of the power of a Hann window's main lobe at -10 dB, in units of c/(2B)."""
+"""Width at -10 dB of the echo of a point with a Hann window over frequency, in units of ``c / (2B)``."""
 
 QUANTILES = (np.arange(400) + 0.5) / 400
+"""Quantiles of the scatterers' depths, for the prediction of profiles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +50,15 @@ class Thickness:
     Attributes
     ----------
     depths : tuple of float [m]
-        Down to which the wall scatters; the first is zero.
+        Depths down to which the walls scatter; the first is zero.
     profiles : (depths, seeds, samples) array
-        Relative power at `DEPTHS` behind the true face, across the plane that was fitted.
+        Relative power at `DEPTHS` behind the true face, across a plane parallel to the fitted one.
     errors : (depths, seeds) array [m]
-        How far the fitted plane lies behind the true face.
+        Distance of the fitted plane behind the true face.
     predicted : (depths, samples) array
         The profile of the face alone, spread over the depths of the scatterers.
     cell : float [m]
-        Width across the wall of the range cell alone.
+        Width that the range cell alone would have across the wall.
     """
 
     depths: tuple[float, ...]
@@ -66,7 +72,7 @@ class Thickness:
         return np.array([[thickness(_profile(one)) for one in of_depth] for of_depth in self.profiles])
 
     def numbers(self) -> dict[str, float]:
-        """Thickness of each wall, and by how much the wall of the scene is thicker than its face."""
+        """Thickness of each wall, and by how much scattering down to 15 mm makes a wall appear thicker."""
         widths, found = self.widths(), {"range_cell_alone_m": self.cell}
         for depth, width, profile, predicted, error in zip(
             self.depths, widths, self.profiles, self.predicted, self.errors, strict=True
@@ -82,7 +88,7 @@ class Thickness:
         return found
 
     def table(self) -> Table:
-        """Depth, thickness with its standard error, prediction, centre."""
+        """A row for each depth: thickness with its standard error, prediction, centre of the echo, fitted plane."""
         rows, widths = [], self.widths()
         for i, depth in enumerate(self.depths):
             error = widths[i].std(ddof=1) / np.sqrt(widths[i].size)
@@ -110,7 +116,7 @@ class Thickness:
 def measure_thickness(
     work: Work, scene: Scene3D, depths: tuple[float, ...], seeds: int, *, done: int, total: int
 ) -> Thickness:
-    """Scan the walls of a scene alone, with scattering down to each of the depths [m], with several seeds."""
+    """Scan the walls of a scene alone, with scattering down to each of the depths [m], each with several seeds."""
     steps = Steps(start=-7.5, stop=7.5, points=BEAMS[1])
     low = replace(scene, scanner=replace(scene.scanner, elevation=steps))
     low = replace(low, scanner=replace(low.scanner, azimuth=replace(_steps(low), points=BEAMS[0])))
@@ -135,7 +141,7 @@ def measure_thickness(
 
 
 def draw_thickness(found: Thickness) -> Figure:
-    """The profiles of all walls, with the spread over the seeds."""
+    """Draw the profiles of all walls, with their spread over the seeds."""
     figure = Figure(figsize=(8.0, 4.8), layout="constrained")
     ax = figure.subplots()
     widths = found.widths().mean(axis=1)
@@ -157,7 +163,7 @@ def draw_thickness(found: Thickness) -> Figure:
 
 
 def _profile_of(scene: Scene3D, seed: int) -> list[float]:
-    """How far the plane that is found in a scan of a wall lies behind its face [m], and the mean profile across it."""
+    """Distance of the plane that is found in a scan of a wall behind the wall's face [m], and the mean profile."""
     sweep = mf.simulate(scene, snr_db=SNR_DB, bounces=0, seed=seed)
     wall, panel = walls_of(without_pictures(sweep))[0], scene.surface[0]
     error = float((panel.frame.shift - wall.center) @ wall.normal)
@@ -166,7 +172,10 @@ def _profile_of(scene: Scene3D, seed: int) -> list[float]:
 
 
 def _spread(face: Array, wall: Panel, depth: float, of_face: float, inside: float) -> Array:
-    """The profile of a face alone, spread over the depths of the scatterers on it and inside, each with its power."""
+    """The profile of a wall that scatters down to a depth [m], predicted from that of its face alone.
+
+    `of_face` and `inside` are the shares of the power that are scattered on the face and inside the wall.
+    """
     if depth == 0.0:
         return face / face.max()
     shifts = scattering_depth(wall.volume_profile, depth, QUANTILES)
@@ -176,7 +185,7 @@ def _spread(face: Array, wall: Panel, depth: float, of_face: float, inside: floa
 
 
 def _steps(scene: Scene3D) -> Steps:
-    """The azimuths of a scan."""
+    """The azimuths of a scan on a grid."""
     azimuth = scene.scanner.azimuth
     assert azimuth is not None
     return azimuth
@@ -187,7 +196,7 @@ def _profile(power: Array) -> xr.DataArray:
 
 
 def _center(power: Array) -> float:
-    """Mean depth [m] of a profile, as deep as its power is above `TOLD_DB`."""
+    """Mean depth [m] of a profile, weighted by its power, without samples more than `TOLD_DB` below the maximum."""
     weight = np.where(power > 10.0 ** (-TOLD_DB / 10.0) * power.max(), power, 0.0)
     return float((weight * DEPTHS).sum() / weight.sum())
 

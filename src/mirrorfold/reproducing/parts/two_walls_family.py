@@ -21,20 +21,21 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Roughness
 
 UNAMBIGUOUS = 5.0
-"""Range [m]: the farthest ghosts of what is hidden stand at 3.5 m, and echoes of rays end soon after."""
+"""Unambiguous range [m]: the farthest ghosts of hidden objects stand at 3.5 m, and echoes of rays end soon after."""
 
 MOST_RX = 165
-"""Receivers; where half a wavelength would take more, every second, third ... is left out, which transmitters half a
-wavelength apart allow: their beam has no grating lobes, so the product of both has none of the same strength."""
+"""Largest number of receivers. If receivers half a wavelength apart would be more, only every second, third, ... place
+receives. The transmitters stay half a wavelength apart: their beam has no grating lobes, so the product of both beams
+has none of full strength."""
 
 MIRRORS = ("wall 1", "wall 2")
-"""The one that hides, and the one that shows."""
+"""The wall that hides the objects, and the wall that shows them."""
 
 OBJECT_HEIGHT = 0.10e-3
 """Rms height of the published objects [m]."""
 
 VIEW = (-1.7, 3.3), 4.3
-"""From where to where pixels are needed, in x and up to which y [m]: all scenes and their images."""
+"""Pixels reach from the first to the second x, and up to this y [m]: they cover all scenes and their ghosts."""
 
 Row = dict[str, Any]
 
@@ -46,13 +47,13 @@ class Setting:
     Attributes
     ----------
     frequency : float [Hz]
-        The middle of the band.
+        Middle of the band.
     bandwidth : float [Hz]
     aperture : float [m]
     rms_height, correlation_length : float [m]
-        Of the walls.
+        Roughness of the walls.
     material : str
-        Of the walls.
+        Material of the walls.
     object_correlation : float [m]
         Correlation length of the objects' heights.
     """
@@ -67,7 +68,7 @@ class Setting:
 
     @property
     def radar(self) -> Radar:
-        """The radar: antennas half a wavelength apart at the top of the band, or nearly so to fill the aperture."""
+        """The radar: antennas fill the aperture, at most half a wavelength apart at the top of the band."""
         top = self.frequency + 0.5 * self.bandwidth
         steps = int(np.ceil(2.0 * self.aperture * top / speed_of_light))
         sparse = int(np.ceil((steps + 1) / MOST_RX))
@@ -87,7 +88,7 @@ class Setting:
         return float(10.0 * np.log10(shares(self.material, np.array(self.frequency), np.array(np.pi / 4), rough)[0][0]))
 
     def scene(self, seed: int) -> Scene:
-        """The published scene for seed 0, random ones for others; the same for all radars."""
+        """The published scene for seed 0, and a random scene for any other seed; the same floor plan for all radars."""
         radar = self.radar
         drawn = shipped_plan("two_walls") if seed == 0 else draw("two walls", seed, radar=radar)
         assert isinstance(drawn, Scene)
@@ -112,10 +113,10 @@ class Setting:
 
 
 def noise_power(frequency: float) -> float:
-    """Of a sample, in units of the simulated field, with the electronics that `mirrorfold.plan` assumes.
+    """Power of the noise of a sample, in units of the simulated field, with the electronics of `mirrorfold.plan`.
 
-    A smooth endless conducting wall at 1 m returns ``P G^2 lambda^2 / ((4 pi)^2 (2 m)^2)`` by Friis' formula and the
-    image of the radar, and ``|s|^2 = 1 / (2 m)`` in the simulated plane.
+    The unit follows from a smooth, infinite conducting wall at 1 m. By Friis' formula for the mirror image of the
+    radar, it returns the power ``P G^2 lambda^2 / ((4 pi)^2 (2 m)^2)``; in the simulated plane, ``|s|^2 = 1 / (2 m)``.
     """
     electronics = Instrument()
     wavelength = speed_of_light / frequency
@@ -126,12 +127,12 @@ def noise_power(frequency: float) -> float:
 
 
 def judged(work: Work, setting: Setting, seed: int, **settings: Any) -> Row:
-    """How well a scene is folded, as numbers; kept."""
+    """The scores of `judge` with the setting and the seed; stored, so that they are not computed twice."""
     return work.kept(lambda: asdict(setting) | {"seed": seed} | judge(setting, seed, **settings))
 
 
 def judge(setting: Setting, seed: int, **settings: Any) -> Row:
-    """Simulate, add noise, reconstruct and score."""
+    """Simulate a scene, add noise, reconstruct it and score the result."""
     scene = setting.scene(seed)
     sweep = mf.simulate(scene, seed=seed, **settings)
     level = 10.0 * np.log10(float((np.abs(sweep["s"].values) ** 2).mean()) / noise_power(setting.frequency))
@@ -161,17 +162,17 @@ def judge(setting: Setting, seed: int, **settings: Any) -> Row:
 
 
 def _length(scene: Scene, name: str) -> float:
-    """Of a surface [m]."""
+    """Length of a surface [m]."""
     return float(next(s.sample(0.01)[2].sum() for s in scene.surface if s.name == name))
 
 
 def _distance(scene: Scene, name: str) -> float:
-    """Of the middle of a surface from the radar [m]."""
+    """Distance of the middle of a surface from the radar [m]."""
     return float(np.linalg.norm(next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)))
 
 
 def _range(scene: Scene, name: str) -> float:
-    """Of the image of a surface in wall 2, seen from the radar [m]: how long the way by that wall is."""
+    """Range of a surface's ghost in wall 2 [m]: the length of the path from the radar by way of this wall."""
     wall = next(s for s in scene.surface if s.name == "wall 2").pieces(1.0)[0]
     normal = np.array([wall[0, 1] - wall[1, 1], wall[1, 0] - wall[0, 0]]) / np.linalg.norm(wall[1] - wall[0])
     middle = next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)

@@ -1,4 +1,4 @@
-"""Two walls that hide a corner and an arc: the scene that comes along, and one in which each wall shows the other."""
+"""Two walls that hide a corner and an arc: the shipped scene, and a scene in which each wall shows the other."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from mirrorfold.scenes.floor_plan import Scene
 
 WALL_ROUGHNESS = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 OBJECT_ROUGHNESS = {"rms_height": 0.10e-3, "correlation_length": 0.2e-3}
-"""Those of the published simulations [m]."""
+"""Rms height and correlation length in the published simulations [m]."""
 
 PUBLISHED_TOP = 300e9
-"""Upper end of the published band [Hz], at which that roughness is meant."""
+"""Upper end of the published band [Hz]. For a lower band, roughness is scaled with the wavelength from here."""
 
 
 def hidden_walls() -> Scene:
-    """The scene that comes along: a wall hides corner and arc, the other shows them; neither shows the other wall."""
+    """The shipped scene: one wall hides corner and arc, the other shows them; neither wall shows the other."""
     return shipped_plan("two_walls")
 
 
@@ -60,11 +60,12 @@ def at_lower_band(scene: Scene, array: LinearArray, band: Band) -> Scene:
 
 
 SMALL_RADAR = LinearArray(elements=87, pitch=6e-3), Band(start=20e9, stop=24e9, points=111)
-"""For quick full waves, the time of which grows with the second to third power of the walls' length in wavelengths:
-20 to 24 GHz over 52 cm. Cells of 3.7 cm by 1.5 degrees are 2.5 and 2 times those of the published radar."""
+"""Radar for quick full waves: 20 to 24 GHz over 52 cm. The computing time grows with the second to third power of the
+walls' length in wavelengths. Cells of 3.7 cm by 1.5 degrees are 2.5 and 2 times those of the published radar."""
 
 THINNED_RADAR = LinearArray(elements=121, pitch=0.5e-3), Band(start=290e9, stop=300e9, points=281)
-"""For quick rays: three quarters of the published array, and as many frequencies as 4.2 m need."""
+"""Radar for quick rays: three quarters of the published array, and frequencies for an unambiguous range of 4.2 m."""
 
 MIDDLE_RADAR = LinearArray(elements=161, pitch=1e-3), Band(start=145e9, stop=155e9, points=401)
-"""145 to 155 GHz over 16 cm: the published resolution at half the published frequency."""
+"""Radar for the other full waves: 145 to 155 GHz over 16 cm, the published resolution at half the published
+frequency."""

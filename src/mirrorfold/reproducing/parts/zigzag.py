@@ -1,4 +1,4 @@
-"""Random zig-zag corridors: facing walls that show a target by way of exactly so many bounces."""
+"""Random zig-zag corridors: walls that show a target by way of a certain number of bounces, and of no fewer."""
 
 from __future__ import annotations
 
@@ -13,22 +13,25 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import visible_truth
 
 ELEMENTS, PITCH, EVERY = 161, 0.5e-3, 3
-"""The published array; every third of its places receives, which the transmitters' beam allows."""
+"""The published array: number of places and their distance [m]. Every third place receives; the grating lobes of these
+receivers do no harm, because the transmitters' beam has none."""
 
 START, STOP, POINTS = 290e9, 300e9, 461
-"""The published band, with an unambiguous range of 6.9 m, beyond the longest way."""
+"""The published band [Hz], with frequencies for an unambiguous range of 6.9 m, beyond the longest path."""
 
 FIRST, LEG, TURN = (1.1, 1.3), (0.65, 0.85), (80.0, 100.0)
-"""Ways to the first wall and from wall to wall [m], and by how much each wall turns the way [degree]."""
+"""Least and largest distance from the radar to the first wall and from wall to wall [m], and angle by which each wall
+turns the path [degree]."""
 
 ENTRANCE, LENGTH = (0.45, 0.55), (0.55, 0.7)
-"""Lengths of the first wall and of the others [m]."""
+"""Least and largest length of the first wall, and of the other walls [m]."""
 
 TARGET, SPAN = (0.12, 0.18), 130.0
-"""Radius [m] and angle [degree] of the arc that is to be seen."""
+"""Least and largest radius of the target, an arc [m], and the angle that the arc spans [degree]."""
 
 SHOWN, APART, DRAWS = 0.3, 0.1, 3000
-"""Share of the target that the walls show, at least; least distance between surfaces [m]; and draws to find that."""
+"""Least share of the target that the walls must show; least distance between surfaces [m]; most draws to find such a
+corridor."""
 
 
 def corridor(bounces: int, seed: int, material: str) -> Scene:
@@ -58,7 +61,7 @@ def alone(scene: Scene, distance: float) -> Scene:
 
 
 def way(scene: Scene, bounces: int) -> float:
-    """From the radar to the target by the middles of the walls [m]."""
+    """Length of the path from the radar to the target by way of the middles of the walls [m]."""
     places = [np.zeros(2)]
     for name in (*(f"wall {number + 1}" for number in range(bounces)), "target"):
         surface = next(one for one in scene.surface if one.name == name)
@@ -67,20 +70,20 @@ def way(scene: Scene, bounces: int) -> float:
 
 
 def array() -> dict[str, Any]:
-    """As in a scene file."""
+    """The array as in a scene file."""
     rx = {"elements": (ELEMENTS - 1) // EVERY + 1, "pitch": EVERY * PITCH}
     return {"elements": ELEMENTS, "pitch": PITCH, "rx": rx}
 
 
 def _surfaces(random: Generator, bounces: int, material: str) -> list[dict[str, Any]]:
-    """Walls that turn the way to the right and to the left in turn, a screen, and the target at the end."""
+    """Walls that turn the path alternately to the right and to the left, the target at its end, and a screen."""
     heading, place = 90.0 + random.uniform(-2.0, 2.0), np.zeros(2)
     surfaces = []
     for number in range(bounces):
         place = place + random.uniform(*(LEG if number else FIRST)) * _direction(heading)
         turn = random.uniform(*TURN) * (-1.0 if number % 2 == 0 else 1.0)
         length = random.uniform(*(LENGTH if number else ENTRANCE))
-        # A mirror along the mean of both headings sends the one way into the other.
+        # A mirror along the mean of both headings reflects a wave from the one heading to the other.
         middle = float(place[0]), float(place[1])
         surfaces.append(wall(f"wall {number + 1}", middle, heading + 0.5 * turn, length, material=material))
         heading += turn
@@ -88,7 +91,7 @@ def _surfaces(random: Generator, bounces: int, material: str) -> list[dict[str, 
     radius = random.uniform(*TARGET)
     center = place + radius * _direction(heading)
     surfaces.append(arc("target", (float(center[0]), float(center[1])), radius, heading + 180.0, SPAN))
-    # A screen hides all but the first wall: it begins beside that wall, and its glint goes elsewhere.
+    # A screen hides all walls but the first. It begins beside this wall, and its glint does not return to the radar.
     near, far = (
         0.42 * _direction(90.0 - random.uniform(16.0, 18.0)),
         0.72 * _direction(90.0 - random.uniform(58.0, 62.0)),
@@ -102,7 +105,7 @@ def _direction(degrees: float) -> Array:
 
 
 def _good(scene: Scene, bounces: int) -> bool:
-    """Whether surfaces keep apart, and a good part of the target is seen by so many bounces, none by fewer."""
+    """Whether surfaces keep `APART`, and this number of bounces shows `SHOWN` of the target, and fewer show nothing."""
     parts = [surface.sample(0.02)[0] for surface in scene.surface]
     for i, one in enumerate(parts):
         if any(np.linalg.norm(one[:, None] - other, axis=-1).min() < APART for other in parts[i + 1 :]):
