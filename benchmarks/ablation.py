@@ -1,10 +1,10 @@
-"""What each part of finding and judging adds: the same scenes without it.
+"""What each part of the search for mirrors and of the judging of echoes adds: scores of the same scenes without it.
 
     python benchmarks/ablation.py [--family NAME ...] [--seeds 0:1] [--sweeps DIR]
 
-By default the full-wave families of `mirrorfold.scenes.families`; --sweeps is a folder that keeps their sweeps, which
-take minutes each. The table holds means over the scenes: of hidden things the precision, completeness and F-score in
-resolution cells, and the share of invented points.
+By default the scenes are those of the full-wave families of `mirrorfold.scenes.families`; --sweeps is a folder that
+keeps their sweeps, which take minutes each. The table holds means over the scenes: precision, completeness and F-score
+of hidden surfaces in resolution cells, and the share of invented points.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from mirrorfold.tree.explaining import explained_by_tree
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 
 Instead = dict[ModuleType | type, dict[str, Any]]
-"""Functions that do nothing, by the modules or classes that call them and their names there."""
+"""Functions that do nothing, by the module or class in which they replace others, and by the names of those there."""
 
 
 def nobody(*given: Any) -> Mask:
-    """None of the echoes among what is given, (n,)."""
+    """A mask (n,) that is false for all of the echoes, the first argument that is `Echoes`."""
     return np.zeros(len(next(one for one in given if isinstance(one, Echoes))), dtype=bool)
 
 
 def nobody_at_all(found: Found, view: View) -> dict[Chain, Mask]:
-    """None of the objects of any chain of mirrors."""
+    """For each chain of mirrors, a mask that is false for all of its objects."""
     return {node.chain: nobody(node.objects) for node in found.tree.walk()}
 
 
@@ -81,11 +81,11 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "gaps": ({}, {"close_gaps": False}),
     "the least confidence": ({}, {"min_confidence": 0.0}),
 }
-"""For each part functions that do nothing in its place, and settings."""
+"""For each part, the functions that do nothing in its place, and the settings that turn it off."""
 
 
 def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> list[float]:
-    """Of hidden things without one part: precision, completeness and F-score in cells, and the invented share."""
+    """Precision, completeness and F-score of hidden surfaces in cells, and the invented share, without one part."""
     instead, settings = WITHOUT[part]
     with ExitStack() as stack:
         for home, functions in instead.items():
@@ -96,7 +96,7 @@ def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> li
 
 
 def main() -> None:
-    """Try all scenes without each part."""
+    """Fold all scenes without each of the parts, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     waves = [family.name for family in FAMILIES.values() if family.engine == "fullwave"]
     parser.add_argument("--family", nargs="+", default=waves)

@@ -1,10 +1,10 @@
-"""Recover random delays of elements from a sphere, and print how far off the worst of them are.
+"""Estimate random delays of elements from the echo of a sphere, and print the largest errors.
 
     python benchmarks/calibration.py [--draws 40]
 
-Each draw is another array, band, place and size of the sphere, at 20 dB SNR per sample, with delays of up to 2 mm on
+Each draw has another array, band, place and size of the sphere, at 20 dB SNR per sample, with delays of up to 2 mm on
 every element. With multipath, four more echoes of up to half the sphere's strength arrive from elsewhere; with
-outliers, a tenth of the transmitters measures noise; with phases, each element has a random constant phase too.
+outliers, a tenth of the transmitters measure only noise; with random phases, each element also has a constant phase.
 """
 
 from __future__ import annotations
@@ -21,16 +21,20 @@ import mirrorfold as mf
 from mirrorfold.calibration.reflectors import sphere_paths
 
 LARGEST_DELAY = 2e-3
+"""Largest delay of an element, as a length [m]."""
+
 SNR_DB = 20.0
 TOLERANCE_UM = 20.0
+"""The table counts the draws whose largest error is below this [um]."""
+
 KINDS = ("sphere alone", "multipath", "outliers", "random phases")
 
 
 def draw(kind: str, seed: int) -> tuple[float, float]:
-    """Largest error of any good element [um], and seconds."""
+    """Largest error of the delay of any good element [um], and the time that the estimate took [s]."""
     random = np.random.default_rng([seed, KINDS.index(kind)])
     n_tx, n_rx = random.integers(8, 82, 2)
-    if kind == "random phases":  # the envelope alone has to do: it takes more samples
+    if kind == "random phases":  # only the envelope of the echo is of use, which takes more samples
         n_tx, n_rx = random.integers(61, 82, 2)
     start = random.uniform(60e9, 270e9)
     band = 30e9 if kind == "random phases" else float(random.choice([5e9, 10e9, 30e9]))
@@ -61,14 +65,14 @@ def draw(kind: str, seed: int) -> tuple[float, float]:
     started = time.perf_counter()
     found = mf.calibrate.estimate_elements(sweep, at=centre, radius=radius)
     seconds = time.perf_counter() - started
-    # How the common delay is shared between transmitters and receivers cannot be observed.
+    # A delay that moves from all transmitters to all receivers changes no sample: it is no error.
     errors = [found.tx_delay[good] - tx_delay[good], found.rx_delay - rx_delay]
     share = 0.5 * (errors[0].mean() - errors[1].mean())
     return 1e6 * max(np.abs(errors[0] - share).max(), np.abs(errors[1] + share).max()), seconds
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the draws that the command line asks for, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draws", type=int, default=40)
     options = parser.parse_args()

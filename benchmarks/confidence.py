@@ -2,13 +2,14 @@
 
     python benchmarks/confidence.py [--fit 30:32] [--judge 40:42] [--family NAME ...] [--radar NAME ...] [--sweeps DIR]
 
-By default the ray families of `mirrorfold.scenes.families` with all their radars; name full-wave families too, with
---sweeps, a folder that keeps their sweeps. Rays and full waves weigh alike in the fit, whatever their number.
+By default the scenes are those of the ray families of `mirrorfold.scenes.families`, with all their radars. Full-wave
+families can be named as well; --sweeps is a folder that keeps their sweeps. Rays and full waves have the same weight in
+the fit, whatever the number of their points.
 
-The last tables hold for each engine and number of mirrors on the way how many points there are, the share that is true
-(something stands within 1.5 resolution cells), the mean confidence, the expected calibration error over ten bins
-(Naeini, Cooper and Hauskrecht, AAAI 2015), the share of the true points that the least confidence of 0.5 keeps, and the
-share of true ones among those kept.
+The tables hold, for each engine and number of mirrors in the chain: the number of points, the share of true points (a
+surface stands within 1.5 resolution cells), the mean confidence, the expected calibration error over ten bins (Naeini,
+Cooper and Hauskrecht, AAAI 2015), the share of the true points that a least confidence of 0.5 keeps, and the share of
+true points among those kept.
 """
 
 from __future__ import annotations
@@ -45,10 +46,13 @@ from mirrorfold.tree.measured import measured_by_sweep
 from mirrorfold.tree.rounds import find_tree
 
 BINS = 10
+"""Bins of confidence for the calibration error."""
 
 
 class Points(NamedTuple):
-    """Points of one engine: their features (n, 6), kinds, mirrors on the way, confidence, and whether they are true."""
+    """Points of one engine: features (n, 6); and row of the weights, number of mirrors in the chain, confidence, and
+    whether the point is true, (n,) each.
+    """
 
     engine: str
     features: Array
@@ -59,7 +63,7 @@ class Points(NamedTuple):
 
 
 def points_of(task: Task) -> Points:
-    """The points of one scene."""
+    """The points of one scene, with their features and the truth."""
     scene = draw(task.family, task.seed, radar=task.radar)
     sweep = simulated(task, scene)
     view = see(mf.focus(sweep, tolerance=1e-3))
@@ -84,7 +88,10 @@ def points_of(task: Task) -> Points:
 
 
 def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
-    """The weights of so many of the features that make the truth most likely, by kind; engines weigh alike."""
+    """The weights of the first `columns` features, by kind of point, that fit the truth best by logistic regression.
+
+    All engines have the same weight. Kinds without points keep their present weights.
+    """
     engines = sorted({points.engine for points in sets})
 
     def loss(weights: Array, parts: list[tuple[Array, Array]], spread: Array) -> float:
@@ -106,13 +113,13 @@ def fitted(sets: list[Points], columns: int) -> dict[str, list[float]]:
 
 
 def calibration_error(confidence: Array, true: Array) -> float:
-    """Mean distance of confidence and share of true points, over bins of confidence."""
+    """Mean difference of confidence and share of true points, over bins of confidence, weighted by their points."""
     bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
     return float(sum(abs(np.sum(confidence[bins == b] - true[bins == b])) for b in range(BINS)) / max(true.size, 1))
 
 
 def table(sets: list[Points], name: str, weights: dict[str, list[float]] | None = None) -> Table:
-    """How well the confidence is calibrated, as it stands or with other weights."""
+    """How well the confidence is calibrated, with the present weights or with others."""
     made = Table(title=name)
     for heading in ("engine", "mirrors", "points", "true", "confidence", "error", "kept", "true of kept"):
         made.add_column(heading, justify="right")
@@ -132,7 +139,7 @@ def table(sets: list[Points], name: str, weights: dict[str, list[float]] | None 
 
 
 def main() -> None:
-    """Fit and judge."""
+    """Fit the weights to some scenes, and print the tables of others."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     rays = [family.name for family in FAMILIES.values() if family.engine == "rays" and family.name != "empty"]
     parser.add_argument("--fit", default="30:32")

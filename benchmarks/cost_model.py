@@ -1,6 +1,6 @@
 """Predicted against measured time of focusing on random geometries: ``python benchmarks/cost_model.py [--count 60]``.
 
-The machine is measured anew before and after each of them, for its speed drifts, and processor time compared, the
+The speed of the machine drifts, so it is measured before and after each geometry. Processor times are compared, the
 median of three, so that other programs disturb little.
 """
 
@@ -25,29 +25,32 @@ from mirrorfold.focusing.predicting import cost, machine
 from mirrorfold.focusing.problem import Problem
 
 WITHIN = 0.4
-"""Largest deviation of the prediction, as a share of the larger one."""
+"""Largest difference of prediction and measurement that counts as good, as a share of the larger of the two."""
 
 KINDS = ("coincident", "displaced", "aside", "tilted", "unequal", "arc", "moving, few fixed", "plane", "volume")
 
 REPEATS = 3
+"""Each time is the median of this many runs."""
 
 LONGEST = 4.0
-"""Seconds of one core that a random geometry may take."""
+"""Random geometries for which a longer time of one core is predicted are left out [s]."""
 
 
 def line(count: int, pitch: float) -> np.ndarray:
+    """A line of elements along x, (count, 3) [m]."""
     position = np.zeros((count, 3))
     position[:, 0] = pitch * (np.arange(count) - 0.5 * (count - 1))
     return position
 
 
 def turned(position: np.ndarray, angle: float) -> np.ndarray:
+    """Positions (n, 3) [m], turned by an angle [rad] about the z axis."""
     c, s = np.cos(angle), np.sin(angle)
     return position @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def random_problem(rng: np.random.Generator) -> tuple[str, Problem, float]:
-    """A geometry as laboratories have them: what it is, the problem, and a tolerance."""
+    """A random geometry as in laboratories: its kind, the focusing problem, and a tolerance."""
     start = rng.uniform(60e9, 300e9)
     wavelength = speed_of_light / start
     frequency = start * np.linspace(1.0, rng.uniform(1.01, 1.1), int(rng.integers(50, 400)))
@@ -89,13 +92,14 @@ def random_problem(rng: np.random.Generator) -> tuple[str, Problem, float]:
 
 
 def processor_seconds(work) -> tuple[float, object]:  # type: ignore[no-untyped-def]
+    """Processor time of a call [s], and its result."""
     start = time.process_time()
     result = work()
     return time.process_time() - start, result
 
 
 def measured(problem: Problem, option: Option, s: np.ndarray) -> tuple[float, float]:
-    """Processor time [s] of an option, its plan included, and the relative error of its image."""
+    """Processor time [s] of an algorithm, including its plan, and the relative error of its image."""
 
     def make() -> np.ndarray:
         if option.fast is None:
@@ -107,14 +111,14 @@ def measured(problem: Problem, option: Option, s: np.ndarray) -> tuple[float, fl
 
 
 def _measure_machine() -> None:
-    """Have costs predicted for the machine as fast as it is now."""
+    """Measure the speed of the machine, and have costs predicted for it."""
     now = machine.measure()
     for module in (cost, factorized):
         module.machine = lambda: now  # type: ignore[attr-defined]
 
 
 def compare(count: int, seed: int = 0) -> list[dict[str, object]]:
-    """Predicted and measured time of the algorithm chosen for random geometries."""
+    """Predicted and measured times of the algorithm that is chosen, for random geometries."""
     rng = np.random.default_rng(seed)
     rows: list[dict[str, object]] = []
     while len(rows) < count:
@@ -125,7 +129,7 @@ def compare(count: int, seed: int = 0) -> list[dict[str, object]]:
             continue
         s = white_noise(problem)
         if not rows:
-            prove(problem, tolerance, s, PlanCache())  # loads what is compiled
+            prove(problem, tolerance, s, PlanCache())  # compiles or loads the kernels
         seconds, error = measured(problem, found[0], s)
         _measure_machine()
         same = (option for option in options(problem, tolerance) if option.algorithm == found[0].algorithm)
@@ -142,7 +146,7 @@ def compare(count: int, seed: int = 0) -> list[dict[str, object]]:
 
 
 def main() -> None:
-    """Print the table."""
+    """Compare times for the random geometries, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,10 +1,10 @@
-"""Put classic mistakes into sweeps at random, diagnose them, and print what was named for what.
+"""Put classic mistakes into random sweeps, diagnose them, and print which mistakes were named for which.
 
     python benchmarks/diagnosis.py [--scenes 30] [--first 0] [--fullwave FILE] [--scans 4] [--json FILE]
 
-Scenes are drawn from `mirrorfold.scenes.families`, seen by arrays and in bands of random size and by transmitters and
+Scenes are drawn from `mirrorfold.scenes.families`, with arrays and bands of random size, and with transmitters and
 receivers that coincide or are displaced. `--fullwave` adds parts of a measured or full-wave sweep of pairs, `--scans`
-raster scans. One row of the table is a mistake that was made, one column what was named.
+adds raster scans. Each row of the table is a mistake that was made, each column a mistake that was named.
 """
 
 from __future__ import annotations
@@ -37,9 +37,13 @@ EXPECTED = {
     "exchanged": ("tx-rx-exchanged",),
     "cable": ("range-offset",),
 }
+"""The mistakes that are put into sweeps, and the findings that name them rightly."""
+
 SCAN_EXPECTED = {"none": (), "conjugated": ("range-reversed",), "reversed": ("range-reversed",)}
+"""The same for raster scans."""
+
 CABLES = (0.6, 5.0)
-"""Lengths of cable that are put in [m]."""
+"""Least and largest length of the cable that is put into sweeps [m]."""
 
 
 def draw(seed: int) -> xr.Dataset:
@@ -68,7 +72,7 @@ def draw(seed: int) -> xr.Dataset:
 
 
 def part(sweep: xr.Dataset, seed: int) -> xr.Dataset:
-    """A random part of the elements of a sweep, or two displaced parts, with noise."""
+    """The same random part of transmitters and receivers of a sweep, or two displaced parts of them, with noise."""
     random = np.random.default_rng([seed, 7])
     count = sweep.sizes["tx"]
     size = int(random.integers(61, count + 1))
@@ -82,7 +86,7 @@ def part(sweep: xr.Dataset, seed: int) -> xr.Dataset:
 
 
 def scan(seed: int) -> xr.Dataset:
-    """A raster scan of a random drywall or corridor, with leakage or without."""
+    """A raster scan of a random drywall or corridor, with or without leakage."""
     random = np.random.default_rng([seed, 11])
     for _ in range(20):
         content = (raster.drywall, raster.corridor)[seed % 2](random)
@@ -98,7 +102,7 @@ def scan(seed: int) -> xr.Dataset:
 
 
 def injected(sweep: xr.Dataset, mistake: str, seed: int) -> xr.Dataset:
-    """The sweep with a mistake."""
+    """The sweep after a mistake was put into it."""
     random = np.random.default_rng([seed, 3])
     turn = np.exp(2j * np.pi * random.random())  # the absolute phase of a measurement means nothing
     sweep = sweep.assign(s=sweep["s"].copy(data=(sweep["s"].values * turn).astype(np.complex64)))
@@ -118,7 +122,7 @@ def injected(sweep: xr.Dataset, mistake: str, seed: int) -> xr.Dataset:
 
 
 def table(counts: dict[tuple[str, str], Counter[str]]) -> Table:
-    """What was named for what, by kind of sweep, and the share that is right."""
+    """How often each mistake was named for each that was made, by kind of sweep, and the share that is right."""
     names = sorted({name for row in counts.values() for name in row}, key=lambda name: (name != "nothing", name))
     result = Table(title="rows: mistake made; columns: mistakes named", title_justify="left")
     for heading in ("sweeps", "mistake", *names, "right"):
@@ -131,7 +135,7 @@ def table(counts: dict[tuple[str, str], Counter[str]]) -> Table:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Diagnose the sweeps that the command line asks for, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=30)
     parser.add_argument("--first", type=int, default=0, help="first seed")
@@ -149,7 +153,7 @@ def main() -> None:
         sweep = draw(seed) if kind == "rays" else scan(seed) if kind == "raster" else part(whole, seed)
         for mistake in SCAN_EXPECTED if kind == "raster" else EXPECTED:
             if mistake == "exchanged" and np.array_equal(sweep["tx_position"], sweep["rx_position"]):
-                continue  # reciprocity: nothing changes
+                continue  # by reciprocity, the exchange changes nothing
             started = time.perf_counter()
             found, _ = diagnose(injected(sweep, mistake, seed))
             named = ", ".join(sorted(finding.name for finding in found)) or "nothing"

@@ -1,7 +1,8 @@
 """Time and error of focusing, job by job: ``python benchmarks/focus.py [--quick]``.
 
-Every time is the median of repeats (the fastest beside it), every error relative L2 against the float64 direct sum on
-random pixels; ratios come from the same run. The peer kernel is timed on a patch and extrapolated to the whole image.
+Every time is the median of several runs, with the fastest beside it. Every error is the relative L2 error against the
+float64 direct sum on random pixels. Ratios are of times from the same run. The peer's kernel is timed on a patch and
+extrapolated to the whole image.
 """
 
 from __future__ import annotations
@@ -30,17 +31,21 @@ from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import make_sweep
 
 SCENE = Path(__file__).resolve().parents[2] / "shared" / "data" / "two_walls_fullwave.nc"
+"""A full-wave sweep; without this file, a sweep of random points takes its place."""
+
 PEER_SAMPLES = 512
+"""Least number of samples of the peer's range-compressed traces."""
 
 
 def line(elements: int, pitch: float) -> np.ndarray:
+    """A line of elements along x, (elements, 3) [m]."""
     position = np.zeros((elements, 3))
     position[:, 0] = pitch * (np.arange(elements) - 0.5 * (elements - 1))
     return position
 
 
 def scatterers(frequency: np.ndarray, tx: np.ndarray, seed: int = 0, count: int = 40) -> np.ndarray:
-    """Data of random point scatterers 1-4.5 m ahead: a scene where no file is at hand."""
+    """Samples (frequency, tx, rx) of random point scatterers 1 to 4.5 m ahead, for use without `SCENE`."""
     rng = np.random.default_rng(seed)
     r, u = rng.uniform(1.0, 4.5, count), rng.uniform(-0.7, 0.7, count)
     place = np.stack([r * u, r * np.sqrt(1 - u * u), np.zeros(count)], axis=1)
@@ -51,7 +56,7 @@ def scatterers(frequency: np.ndarray, tx: np.ndarray, seed: int = 0, count: int 
 
 
 def timed(call, repeats: int) -> tuple[float, float]:
-    """Median and least time [s] after one call that warms up."""
+    """Median and least time [s] of several calls, after one call that compiles."""
     call()
     times = []
     for _ in range(repeats):
@@ -62,11 +67,12 @@ def timed(call, repeats: int) -> tuple[float, float]:
 
 
 def error_on(problem: Problem, image: np.ndarray, s: np.ndarray) -> float:
+    """Relative L2 error of an image of the samples s on random pixels."""
     return measured_error(problem, np.ascontiguousarray(image).reshape(problem.shape), s, seed=7, pixels=90)
 
 
 def peer(problem: Problem, s: np.ndarray, frequency: np.ndarray, side: int = 24) -> tuple[float, float]:
-    """Time [s] of the linear-interpolation kernel, extrapolated to the whole image, and its error on a patch."""
+    """Time [s] of the peer's kernel, extrapolated from a patch to the whole image, and its error on the patch."""
     profile, carrier = range_compressed(s, problem.taper.real, frequency, max(PEER_SAMPLES, 2 * frequency.size))
     step = (frequency[-1] - frequency[0]) / (frequency.size - 1)
     patch = problem.on(
@@ -179,7 +185,7 @@ def main() -> None:
 
 
 def geometries(table: Table, notes: list[str]) -> None:
-    """Geometries of laboratories, from samples to the proven image: plan, image and measurement of the error."""
+    """Add rows for geometries of laboratories: the time of plan, image and measurement of the error together."""
     fine = np.linspace(290e9, 300e9, 501)
     above = line(41, 0.5e-3) + np.array([0.0, 0.0, 0.015])
     behind = line(41, 0.5e-3) - np.array([0.0, 0.005, 0.0])
@@ -219,7 +225,7 @@ def geometries(table: Table, notes: list[str]) -> None:
 
 
 def planar(table: Table) -> None:
-    """101 x 101 monostatic positions, 201 frequencies, 200 x 200 x 100 voxels, near and further away."""
+    """Add rows for 101 x 101 monostatic positions, 201 frequencies and 200 x 200 x 100 voxels, far and near."""
     frequency = np.linspace(290e9, 300e9, 201)
     u = 0.5e-3 * (np.arange(101) - 50)
     place = np.stack([a.ravel() for a in np.meshgrid(u, [0.0], u, indexing="ij")], axis=1)

@@ -1,4 +1,4 @@
-"""Scenes for benchmarks that fold the same images again and again: simulated and focused once, and kept in memory."""
+"""Scenes for benchmarks that fold the same images many times: simulated and focused once, and kept in memory."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ from mirrorfold.scenes.floor_plan import load_scene, parse_scene
 
 FULLWAVE = Path(__file__).resolve().parents[1] / "../shared/data/two_walls_fullwave.nc"
 
+"""A full-wave sweep of two walls, which may be absent."""
+
 TWO_WALLS = Path(str(files("mirrorfold").joinpath("scenes", "shipped", "two_walls.toml")))
-"""The scene of that sweep."""
+"""The scene of the full-wave sweep."""
 
 RAY_FAMILIES = [family.name for family in FAMILIES.values() if family.engine == "rays"]
 
 SWEEP_FAMILIES = ("two walls", "corridor")
-"""The first scene of each is folded with its sweep, too."""
+"""Families whose first scene is also folded with its sweep."""
 
 
 @dataclass
@@ -40,7 +42,11 @@ class Case:
     scene : Scene or Scene3D
     image : DataArray
     sweep : Dataset, optional
-        Where the test for mixed paths is to be judged.
+        The sweep, for the cases in which the test for mixed paths is judged.
+    plan : FoldPlan, optional
+        The plan that `fold` has made, with the view and its echoes.
+    first : DataTree, optional
+        The first reconstruction, which is folded again.
     """
 
     group: str
@@ -52,9 +58,10 @@ class Case:
     first: xr.DataTree | None = field(default=None, repr=False)
 
     def fold(self, how: str, fresh: bool) -> xr.DataTree:
-        """Fold the image: "alone", with its "sweep", or "again" after folding it with its sweep.
+        """Fold the image: "alone", with its "sweep", or "again" after it was folded with its sweep.
 
-        Unless `fresh`, the view and its echoes are those of an earlier call. The picture is made as small as can be.
+        Alone, the view and its echoes are those of an earlier call unless `fresh` is true. Pictures are as small as
+        possible, except for those of "again".
         """
         if how == "again":
             if self.first is None:
@@ -71,14 +78,14 @@ class Case:
         return self.plan.fold(grid=grid)
 
     def scores(self, how: str, fresh: bool) -> dict[str, float]:
-        """F-scores at 2 cm; zero where nothing is found, and left out where there is nothing to find."""
+        """F-scores at 2 cm of all points and of the hidden ones; zero if nothing is found, none if nothing can be."""
         score = mf.score(self.fold(how, fresh), self.scene)
         values = {"all": score["f_score_2cm"], "hidden": score["hidden"]["f_score_2cm"]}
         return {name: float(value) for name, value in values.items() if value is not None}
 
 
 def ray_cases(names: Iterable[str], seeds: range) -> Iterator[Case]:
-    """Scenes of the families."""
+    """The scenes of ray families with these seeds."""
     for name in names:
         for seed in seeds:
             scene = draw(name, seed)
@@ -88,18 +95,18 @@ def ray_cases(names: Iterable[str], seeds: range) -> Iterator[Case]:
 
 
 def fullwave_cases(path: Path = FULLWAVE) -> Iterator[Case]:
-    """The full-wave sweep, where there is one."""
+    """The scene of the full-wave sweep, if the file exists."""
     if not path.is_file():
         print(f"{path} is absent; without the full-wave sweep", file=sys.stderr)
         return
     sweep = mf.load(path)
-    assert isinstance(sweep, xr.Dataset)  # the file holds one
+    assert isinstance(sweep, xr.Dataset)  # the file holds a sweep
     scene = load_scene(TWO_WALLS)
     yield Case("full wave", scene.name, scene, mf.focus(sweep, tolerance=1e-3), sweep)
 
 
 def volume_cases(seeds: range) -> Iterator[Case]:
-    """Raster scenes; a draw that is no scene of its family makes room for the next one."""
+    """Raster scenes, as many of each family as there are seeds; draws that are no scene of the family are skipped."""
     import raster
 
     def drawn(name: str) -> Iterator[Case]:

@@ -1,9 +1,9 @@
 """Time of whole commands, from the file to the report: `benchmarks/from_file_to_report.py`.
 
-The first `demo` compiles all kernels, into a cache that is thrown away afterwards; the second one finds them there.
+The first `demo` compiles all kernels, into a cache that is deleted afterwards; the later ones find them there.
 `reconstruct` then reads the demo's sweep of 161 x 161 antennas and 401 frequencies. Every time is that of a process as
-a user starts it, imports included; the error is that of the image against the float64 sum, and how far the
-mirrors are from the true walls.
+a user starts it, including imports. The errors are the largest angle between a mirror and its true wall for `demo`, and
+the error of the image against the float64 sum for `reconstruct`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def _busy() -> float:
-    """Time that cores have worked for processes that have ended [s]."""
+    """Time that cores have worked for child processes that have ended [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

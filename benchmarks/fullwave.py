@@ -1,8 +1,8 @@
 """Speed, error and growth of the full-wave solver: ``python benchmarks/fullwave.py [--long]``.
 
 Times are CPU seconds of one core with one thread. The quick rows take about a minute; ``--long`` adds the full scene at
-three frequencies against a refined solution, the growth of the time with the size of the scene, and the factorisation
-of a dense matrix as the peer, which is timed where it fits and scaled by its operations.
+three frequencies against a refined solution, the growth of the time with the size of the scene, and as a peer the
+factorisation of a dense matrix, which is timed at a size that fits into memory and scaled by its number of operations.
 """
 
 from __future__ import annotations
@@ -36,11 +36,14 @@ from fullwave_scenes import ANTENNAS, SHAPES, K, cylinder, distance, exact_field
 TOLERANCE = 1e-3
 FREQUENCIES = (290e9, 295e9, 300e9)
 DENSE_SIZE = 6000
+"""Unknowns of the dense matrix that is factorised."""
+
 PEER_UNKNOWNS = 43_000
+"""Unknowns of the dense matrix to which the time is scaled: those of the full scene."""
 
 
 def cpu_seconds(work: Callable[[], Any], repeats: int = 1) -> tuple[float, Any]:
-    """Least CPU time [s] of some runs, and the result."""
+    """Least CPU time [s] of several runs, and the result of the last run."""
     times, result = [], None
     for _ in range(repeats):
         start = time.process_time()
@@ -50,14 +53,17 @@ def cpu_seconds(work: Callable[[], Any], repeats: int = 1) -> tuple[float, Any]:
 
 
 def wavenumber(frequency: float) -> float:
+    """Wavenumber [1/m] of a frequency [Hz]."""
     return 2.0 * np.pi * frequency / speed_of_light
 
 
 def peak_gigabytes() -> float:
+    """Largest memory of this process so far [GB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
 def kernel_rows(table: Table) -> None:
+    """Add rows for the speed and the error of the Hankel function, the kernel of the integral equation."""
     rng = np.random.default_rng(0)
     targets, sources = rng.random((1000, 2)), rng.random((3000, 2))
     hankel(targets, sources, K)
@@ -73,6 +79,7 @@ def kernel_rows(table: Table) -> None:
 
 
 def validation_rows(table: Table) -> None:
+    """Add rows for the error against the series of a cylinder, and against refined solutions."""
     circle = scene_of({"kind": "circle", "center": [0.0, 0.02], "radius": 3e-3})
     series = cylinder(3e-3, np.array([0.0, 0.02]), ANTENNAS, ANTENNAS)
     error = distance(exact_field(nodes_of(circle, 12), ANTENNAS, ANTENNAS, K), series)
@@ -84,6 +91,7 @@ def validation_rows(table: Table) -> None:
 
 
 def small_scene_rows(table: Table) -> None:
+    """Add rows for the scene at an eighth of its size, against the dense solution."""
     system = prepare(small_two_walls(0.125, elements=21), tolerance=TOLERANCE)
     k = wavenumber(290e9)
     scattered(system, k)
@@ -98,10 +106,12 @@ def small_scene_rows(table: Table) -> None:
 
 
 def skeletons(system: System) -> int:
+    """Number of unknowns that are left after compression."""
     return sum(len(root.skeleton) for root in system.roots)
 
 
 def full_scene_rows(table: Table) -> float:
+    """Add rows for the scene at full size; returns the CPU time of its slowest frequency [s]."""
     before = peak_gigabytes()
     setup, system = cpu_seconds(lambda: prepare(small_two_walls(1.0, elements=161), tolerance=TOLERANCE))
     table.add_row(
@@ -127,6 +137,7 @@ def full_scene_rows(table: Table) -> float:
 
 
 def dense_row(table: Table, seconds: float) -> None:
+    """Add a row for the time of a dense factorisation over the time [s] of the solver for one frequency."""
     rng = np.random.default_rng(0)
     square = rng.standard_normal((2, DENSE_SIZE, DENSE_SIZE), dtype=np.float32)
     matrix = np.asfortranarray(square[0] + 1j * square[1])
@@ -140,6 +151,7 @@ def dense_row(table: Table, seconds: float) -> None:
 
 
 def growth_rows(table: Table) -> None:
+    """Add rows for the time of one frequency at several sizes of the scene."""
     scales, times = (0.25, 0.5, 1.0, 2.0), []
     for scale in scales:
         system = prepare(small_two_walls(scale, elements=161), tolerance=TOLERANCE)
@@ -154,7 +166,7 @@ def growth_rows(table: Table) -> None:
 
 
 def slab_rows(table: Table, scale: float) -> None:
-    """Dielectric walls against the scene of conductors with as many unknowns."""
+    """Add rows for the time per unknown of dielectric walls, against conductors of about as many unknowns."""
     conductors = small_two_walls(scale, elements=161)
     walls = small_two_walls(0.32 * scale, elements=161)
     made = {"material": "plasterboard", "thickness": 4e-3, "roughness": None}

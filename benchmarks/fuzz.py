@@ -1,20 +1,21 @@
-"""Damage whatever mirrorfold reads: nothing but one sentence may come out, in little time and memory.
+"""Damage whatever mirrorfold reads: it must refuse bad input in one sentence, in little time and memory.
 
     python benchmarks/fuzz.py --minutes 10
-    python benchmarks/fuzz.py --target scenes --first 1234 --cases 1        one case again
+    python benchmarks/fuzz.py --target scenes --first 1234 --cases 1        repeats one case
 
 | target | what is fed |
 |---|---|
 | readers | data of other tools, tables of positions, descriptions of scans, mappings |
-| scenes | scene files: read, described, simulated where they are small |
+| scenes | scene files: read, described, and simulated if they are small |
 | descriptions | mirrors, floor plans, calibrations of elements |
-| results | sweeps, images and reconstructions of our own, in the verbs that take them |
+| results | sweeps, images and reconstructions in our own formats, in the verbs that take them |
 | page | requests to the live page |
 
-Each case depends on its target and its number alone. The ledger beside this script holds how many were fed: the next
-run goes on from there, so that no case is fed twice. An escape is an exception other than InputError, a case that
-takes too long or too much memory, or a process that dies. It is cut down to the least bytes that still do it, and
-kept in build/fuzz; mended, it goes to tests/corpus with the sentence that it gets.
+Each case depends on its target and its number alone. The ledger beside this script holds how many cases were fed: the
+next run goes on from there, so that no case is fed twice. An escape is an exception other than InputError, a case that
+takes too long or too much memory, or a process that dies. Its file is cut down to the fewest bytes that cause the same
+escape, and kept in build/fuzz. When the mistake is mended, the file goes to tests/corpus, with the sentence that now
+refuses it.
 """
 
 from __future__ import annotations
@@ -53,26 +54,28 @@ TARGETS: dict[str, Callable[[Path], Target]] = {
 }
 
 LEDGER = Path(__file__).with_name("fuzz_ledger.json")
+"""Number of cases that were fed so far, by target."""
 
 SECONDS_A_CASE = 20.0
-"""A case that takes more CPU time has hung."""
+"""A case that takes more CPU time than this has hung [s]."""
 
 SECONDS_TO_REFUSE = 1.0
-"""CPU time in which what is wrong is refused."""
+"""Bad input must be refused within this CPU time [s]."""
 
 SECONDS_FOR_HDF5 = 5.0
-"""How long the library may take for the small files here; a file that hangs it costs this."""
+"""Time that the HDF5 library may take for the small files here [s]; a file that hangs it costs this time."""
 
 PEAK_BYTES = 1 << 30
-"""What the whole process may take at its peak."""
+"""Most memory of the whole process [bytes]."""
 
 CASE_BYTES = 256 << 20
-"""By how much one case may raise that peak."""
+"""Most memory by which one case may raise the peak of the process [bytes]."""
 
 SECONDS_A_BLOCK = 60.0
-"""How long one process lives: starting it takes seconds, and what it leaks ends with it."""
+"""Life of one process [s]: starting it takes seconds, but its end returns the memory that it has leaked."""
 
 SHRINKING_TRIES = 300
+"""Most tries to cut down a case that escapes."""
 
 
 class Hung(BaseException):
@@ -80,12 +83,12 @@ class Hung(BaseException):
 
 
 def attempt(target: Target, case: Case) -> str:
-    """Feed a case under all limits; returns what came of it.
+    """Feed a case under all limits; returns "read" or "refused".
 
     Raises
     ------
     Exception or Hung
-        If it is an escape.
+        If the case escapes.
     """
     peak, start = _peak(), time.process_time()
     signal.setitimer(signal.ITIMER_PROF, SECONDS_A_CASE)
@@ -104,11 +107,12 @@ def attempt(target: Target, case: Case) -> str:
 
 
 def _peak() -> int:
+    """Largest memory of this process so far [bytes]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def escape_of(target: Target, case: Case) -> BaseException | None:
-    """How a case escapes, if it does."""
+    """The exception by which a case escapes; None if it does not."""
     try:
         attempt(target, case)
     except (Exception, Hung) as error:
@@ -117,7 +121,7 @@ def escape_of(target: Target, case: Case) -> BaseException | None:
 
 
 def kind_of(error: BaseException) -> str:
-    """What tells one mistake from another: the type of the exception, and the last line of ours that it passed."""
+    """The name of a mistake: the type of its exception, and the last line of mirrorfold that the exception passed."""
     frames = [
         frame for frame in traceback.extract_tb(error.__traceback__) if "mirrorfold" in Path(frame.filename).parts
     ]
@@ -126,7 +130,7 @@ def kind_of(error: BaseException) -> str:
 
 
 def least(target: Target, case: Case, kind: str) -> Case:
-    """The case without all bytes that it does not need in order to escape in the same way."""
+    """The case without most of the bytes that it does not need in order to escape in the same way."""
     tries, length = 0, max(len(case.raw) // 2, 1)
     while length and tries < SHRINKING_TRIES:
         at = 0
@@ -150,21 +154,21 @@ def run_cases(
     seconds: float = float("inf"),
     escapes: Path | None = None,
 ) -> Counter[str]:
-    """Feed cases of a target, from number `first`, until there were enough or the time is over.
+    """Feed cases of a target, from number `first` on, until `cases` were fed or `seconds` have passed.
 
     Parameters
     ----------
     name : str
-        Of the target.
+        Name of the target.
     folder : path
-        For its files.
+        Folder for the target's files.
     escapes : path, optional
-        Where to keep what escapes, made as small as possible; by default the first escape is raised.
+        Folder in which escapes are kept, made as small as possible. By default the first escape is raised.
 
     Returns
     -------
     Counter
-        How many were "read", were "refused", and "escaped".
+        Number of cases, by the suffix of the file and "read" or "refused", and number of those that "escaped".
     """
     from mirrorfold.io.readers import hdf5
 
@@ -183,7 +187,7 @@ def run_cases(
                 error = None if target.feed(case) == "read" else f"{case.name}, way {case.way}: a valid case is refused"
                 if error:
                     raise AssertionError(error)
-        hdf5.PATIENCE = SECONDS_FOR_HDF5  # not before: a busy machine may need longer for what is valid
+        hdf5.PATIENCE = SECONDS_FOR_HDF5  # not earlier: a busy machine may need longer for valid cases
         known: set[str] = set()
         end = time.monotonic() + seconds
         for number in range(first, first + cases):
@@ -216,7 +220,7 @@ def run_cases(
 
 
 def keep(escapes: Path, name: str, number: int, case: Case, error: BaseException) -> None:
-    """Keep an escape, with its story beside it."""
+    """Keep the file of an escape, and beside it a text with the traceback."""
     escapes.mkdir(parents=True, exist_ok=True)
     (escapes / f"{name}-{number}-{case.name}").write_bytes(case.raw)
     story = "".join(traceback.format_exception(error))
@@ -229,7 +233,7 @@ def keep(escapes: Path, name: str, number: int, case: Case, error: BaseException
 
 
 def child(options: argparse.Namespace) -> int:
-    """Feed one block of cases, and print what came of them."""
+    """Feed one block of cases in this process, and print the counts as JSON."""
     faulthandler.enable()
     base = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     folder = Path(tempfile.mkdtemp(dir=base, prefix="mirrorfold-fuzz-"))
@@ -252,7 +256,7 @@ def child(options: argparse.Namespace) -> int:
 
 
 def block(name: str, first: int, cases: int, seconds: float, escapes: Path) -> dict[str, Any]:
-    """Feed cases in a process of their own, which a crash of a library would end."""
+    """Feed cases in a process of their own, because a crash of a library ends the process."""
     words = [f"--target={name}", f"--first={first}", f"--cases={cases}", f"--seconds={seconds}", f"--escapes={escapes}"]
     done = subprocess.run(
         [sys.executable, __file__, "--child", *words],
@@ -263,7 +267,7 @@ def block(name: str, first: int, cases: int, seconds: float, escapes: Path) -> d
     folder, _, said = done.stderr.partition("\n")
     if said.strip():
         print(said.strip(), flush=True)
-    if done.returncode:  # it has died; where, its folder tells
+    if done.returncode:  # it has died; its folder holds the number of the case
         current = Path(folder) / "current"
         if not current.is_file():
             raise SystemExit(f"{name}: nothing could be fed; its files are in {folder}")

@@ -1,8 +1,8 @@
-"""Time from the hand to the picture of the live page, and size and time of the report: `benchmarks/looking.py`.
+"""Time from a key to the picture of the live page, and size and time of the report: `benchmarks/looking.py`.
 
 An image of 600 x 800 pixels of the hidden corner is folded with mirrors that move by 3 mm each time. Every time is the
-median of repeats, the fastest beside it; the error is the largest difference from a fold from scratch with the same
-mirrors, relative to the brightest pixel.
+median of several runs, with the fastest beside it. The error is the largest difference from a fold from scratch with
+the same mirrors, relative to the brightest pixel.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ REPEATS = 15
 
 
 def timed(act: Callable[[int], Any], repeats: int = REPEATS) -> tuple[float, float]:
-    """Median and fastest time of a call [ms]."""
+    """Median and fastest time of a call [ms], without the first call."""
     times = []
     for i in range(repeats + 1):
         start = time.perf_counter()

@@ -3,10 +3,10 @@
     python benchmarks/mutants.py src/mirrorfold/common/geometry.py --tests tests/common/test_geometry.py
     python benchmarks/mutants.py src/mirrorfold/tree/curved.py --tests tests/tree/test_curved_evidence.py --sample 40
 
-A mutant that all tests accept has survived: either a test is missing, or the change makes no difference. Each mutant is
-a fork of one process that has imported all libraries, so that it costs no more than the tests; slow ones are left out,
-unless `--marked` says otherwise. The kernels of a module run as plain Python, because compiled code that is kept on
-disk would be that of the original.
+A mutant that all tests accept has survived: either a test is missing, or the change makes no difference. Each mutant
+runs in a fork of one process that has imported all libraries, so that it costs no more than its tests. Slow tests are
+left out, unless `--marked` says otherwise. The kernels of a module run as plain Python, because compiled code that is
+kept on disk would be that of the original.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from importlib.machinery import SourceFileLoader
 from pathlib import Path
 
 LEAST_SECONDS, TIMES_AS_LONG = 20.0, 10.0
-"""Tests that take more processor time, and so many times as much as without a change, have noticed: the mutant does
-not end."""
+"""Limit of the processor time of a mutant's tests: the larger of this time [s], and this multiple of the time without a
+change. A mutant whose tests take longer does not end; it counts as noticed."""
 
 LIBRARIES = ("hypothesis", "numba", "pytest", "scipy.ndimage", "scipy.spatial", "xarray")
-"""What all forks share."""
+"""Libraries that are imported once, before the forks."""
 
 SWAPPED = {
     ast.Add: ast.Sub,
@@ -51,9 +51,11 @@ SWAPPED = {
     ast.And: ast.Or,
     ast.Or: ast.And,
 }
+"""Operators, and those that replace them."""
 
 NAMES = {"min": "max", "max": "min", "any": "all", "all": "any", "argmin": "argmax", "argmax": "argmin", "sin": "cos"}
 NAMES |= {"minimum": "maximum", "maximum": "minimum", "floor": "ceil", "ceil": "floor", "cos": "sin"}
+"""Functions, and those that replace them."""
 
 
 def changes(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
@@ -71,8 +73,8 @@ def changes(tree: ast.Module) -> Iterator[tuple[int, str, ast.Module]]:
 
 
 def _left_alone(tree: ast.Module) -> set[int]:
-    """Nodes that are no part of what is computed: annotations, decorators, texts, and what guards against our own
-    mistakes, as `strict` of a `zip` does.
+    """Identities of nodes that are not changed, because no result depends on them: annotations, decorators, texts,
+    errors that are raised, and guards against our own mistakes, such as `strict` of a `zip`.
     """
     found: set[int] = set()
     for node in ast.walk(tree):
@@ -92,11 +94,12 @@ def _left_alone(tree: ast.Module) -> set[int]:
 
 
 def _for_types_alone(node: ast.AST) -> bool:
+    """Whether a node is an ``if TYPE_CHECKING`` block."""
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
 def _change_of(node: ast.AST) -> str | None:
-    """How a node can be changed, if it can."""
+    """How a node is changed, in words; None if it is not."""
     if isinstance(node, ast.BinOp | ast.AugAssign | ast.BoolOp) and type(node.op) in SWAPPED:
         return f"{type(node.op).__name__} to {SWAPPED[type(node.op)].__name__}"
     if isinstance(node, ast.Compare) and type(node.ops[0]) in SWAPPED:
@@ -115,6 +118,7 @@ def _change_of(node: ast.AST) -> str | None:
 
 
 def _other(number: float) -> float:
+    """The number that replaces a number."""
     return number + 1 if isinstance(number, int) else 2.0 * number if number else 1.0
 
 
@@ -125,7 +129,7 @@ def _apply(node: ast.AST) -> None:
     elif isinstance(node, ast.Compare):
         node.ops[0] = SWAPPED[type(node.ops[0])]()
     elif isinstance(node, ast.UnaryOp):
-        node.operand = ast.UnaryOp(node.op, node.operand)  # twice is not at all
+        node.operand = ast.UnaryOp(node.op, node.operand)  # applied twice, the operator has no effect
     elif isinstance(node, ast.Constant):
         node.value = not node.value if isinstance(node.value, bool) else _other(node.value)
     elif isinstance(node, ast.If | ast.IfExp | ast.While):
@@ -138,7 +142,7 @@ def _apply(node: ast.AST) -> None:
 
 
 def survives(path: Path, tree: ast.Module | None, tests: list[str], seconds: float) -> bool:
-    """Whether the tests accept a mutant within so many seconds of the processor; of no tree, the module as it is."""
+    """Whether the tests accept a mutant within this processor time [s]; `tree` None is the module unchanged."""
     child = os.fork()
     if child:
         return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
@@ -156,7 +160,7 @@ def survives(path: Path, tree: ast.Module | None, tests: list[str], seconds: flo
     SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
     import pytest
 
-    # Hypothesis is shared by all forks, and pytest warns that it cannot rewrite its assertions any more.
+    # Hypothesis was imported before the forks, so pytest warns that it cannot rewrite the assertions of Hypothesis.
     quiet = ["-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]
     os._exit(int(pytest.main(["-x", "-q", *quiet, *tests])))
     return False

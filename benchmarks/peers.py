@@ -1,7 +1,8 @@
-"""The total focusing method as peers compute it: range-compressed pairs, linear interpolation, pixel by pixel.
+"""The total focusing method as other packages compute it: range-compressed pairs, linear interpolation, every pixel.
 
-A reimplementation of the usual delay-and-sum kernel (one loop over pixels, one over pairs, delays and phases from
-look-up tables per pixel and element), for comparison where the peers' own packages cannot be installed.
+A reimplementation of the usual delay-and-sum kernel: one loop over pixels, one over pairs of antennas, with delays and
+phases from look-up tables for each pixel and element. It serves for comparisons, in place of packages that cannot be
+installed.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from numba import njit, prange
 
 
 def range_compressed(s, taper, frequency, samples):
-    """Traces (pairs, samples) over the ambiguous period at baseband, and the carrier [Hz] taken off."""
+    """Traces (pairs, samples) at baseband over the unambiguous delay, and the carrier [Hz] that was removed."""
     middle = frequency.size // 2
     spectrum = np.zeros((s.shape[1] * s.shape[2], samples), np.complex64)
     data = (s * taper[:, None, None]).reshape(frequency.size, -1).T
@@ -22,7 +23,7 @@ def range_compressed(s, taper, frequency, samples):
 
 @njit(parallel=True, fastmath=True, error_model="numpy")
 def delay_and_sum_baseband(profile, tx, rx, tx_delay, rx_delay, tx_phase, rx_phase, per_second, out):
-    """out[p] = sum over pairs of the trace at the delay of the pair, linearly interpolated, carrier put back."""
+    """``out[p]``: sum over pairs of the trace at the pair's delay, linearly interpolated, times the carrier's phase."""
     samples = profile.shape[1]
     for p in prange(out.size):
         total = np.complex64(0.0)

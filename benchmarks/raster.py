@@ -1,8 +1,8 @@
-"""The third dimension: time, memory and accuracy of the raster chain, on the shipped scenes and on random families.
+"""Raster scans: time, memory and accuracy from the simulation to the folded volume, on shipped and random scenes.
 
     python benchmarks/raster.py [--seeds 10] [--family NAME ...] [--json FILE]
 
-Times are of the process, over all its threads: on two cores the wall clock shows between a half and the whole of them.
+Process times are sums over all threads: on two cores the wall time is between a half and the whole of them.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ Content = dict[str, Any]
 
 
 class NotHiddenError(Exception):
-    """A draw in which the radar sees the body directly is no scene of the family."""
+    """The radar sees the body of a draw directly, so that the draw is no scene of the family."""
 
 
 SNR_DB = 20.0
-"""Per sample: the body then stands some 30 dB above the noise of the volume."""
+"""Signal over noise of a sample [dB]: the body then stands some 30 dB above the noise of the volume."""
 
 
 def shipped(name: str) -> Content:
@@ -57,21 +57,21 @@ def shipped(name: str) -> Content:
 
 
 def without_foil(content: Content) -> Content:
-    """The same scene without the patch."""
+    """The same scene without its patches of foil."""
     content = copy.deepcopy(content)
     content["surface"] = [surface for surface in content["surface"] if surface["kind"] != "patch"]
     return content
 
 
 def mirror_error(score: Content, surface: str) -> tuple[float, float]:
-    """Angle [degree] and offset [mm] error of the best image of a true wall; infinite where it was not found."""
+    """Errors of angle [degree] and offset [mm] of a true wall, of the first generation found; infinite if none is."""
     rows = [row for row in score["mirrors"] if row["surface"] == surface]
     best = min(rows, key=lambda row: row["generation"], default=None)
     return (best["angle_error_deg"], best["offset_error_mm"]) if best else (np.inf, np.inf)
 
 
 def judge_drywall(content: Content, seed: int) -> dict[str, float]:
-    """Figures of one drywall scene, with its control."""
+    """Errors and levels of one drywall scene, and of its control without foil."""
     scene = parse_scene(content)
     sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
     score = mf.score(mf.reconstruct(sweep), scene)
@@ -97,7 +97,7 @@ def judge_drywall(content: Content, seed: int) -> dict[str, float]:
 
 
 def judge_corridor(content: Content, seed: int) -> dict[str, float]:
-    """Figures of one corridor."""
+    """Errors and shares of one corridor."""
     scene = parse_scene(content)
     sweep = mf.simulate(scene, seed=seed, snr_db=SNR_DB)
     score = mf.score(mf.reconstruct(sweep), scene)
@@ -124,11 +124,11 @@ FAMILIES: dict[str, tuple[str, Callable[[np.random.Generator], Any], Callable[[C
     "leaning": ("drywall-mannequin", leaning_drywall, judge_drywall),
     "corridor": ("corridor", corridor, judge_corridor),
 }
-"""The shipped scene with the scanner, what draws the surfaces, and what judges the result."""
+"""For each family: the shipped scene with the scanner, the function that draws surfaces, and the one that judges."""
 
 
 def run_family(name: str, seeds: int) -> list[dict[str, float]]:
-    """Figures of every scene of a family."""
+    """Errors, levels and shares of as many random scenes of a family as there are `seeds`."""
     shown, draw_surfaces, judge = FAMILIES[name]
     rows: list[dict[str, float]] = []
     draw = 0
@@ -140,14 +140,14 @@ def run_family(name: str, seeds: int) -> list[dict[str, float]]:
         except NotHiddenError:
             continue
         except mf.InputError as error:
-            # A draw whose farthest echo lies beyond the unambiguous range is no scene for this instrument.
+            # Echoes of this draw come from beyond the unambiguous range: it is no scene for this instrument.
             if "wrap around" not in str(error):
                 raise
     return rows
 
 
 def family_table(name: str, rows: list[dict[str, float]]) -> Table:
-    """Median and worst of every figure."""
+    """Median and worst value of every error, level and share."""
     table = Table(title=f"{name}: {len(rows)} random scenes", title_justify="left")
     for heading in ("figure and target", "median", "worst"):
         table.add_column(heading, justify="left" if heading.startswith("figure") else "right")
@@ -159,7 +159,7 @@ def family_table(name: str, rows: list[dict[str, float]]) -> Table:
 
 
 def timed(work: Callable[[], Any], repeats: int = 3) -> tuple[float, float, Any]:
-    """Least process time and wall time [s] of several calls after a first one, and what the work returns."""
+    """Least process time and wall time [s] of several calls, after a first call that compiles; and the result."""
     result = work()
     cpu, wall = [], []
     for _ in range(repeats):
@@ -207,7 +207,7 @@ def speed() -> Table:
 
 
 def simulator_error() -> float:
-    """Largest error of the fast sum against the plain one, relative to the largest sample."""
+    """Largest error of the simulator's fast sum against the plain sum, relative to the largest sample."""
     content = shipped("drywall-mannequin")
     content["scanner"] |= {
         "azimuth": {"start": -2, "stop": 2, "points": 7},
@@ -232,7 +232,7 @@ def simulator_error() -> float:
 
 
 def plan_comparison() -> Table:
-    """The shipped drywall folded in three dimensions, and its plan view folded in two."""
+    """A table of the shipped drywall, folded in three dimensions, and its plan view, folded in two."""
     scene = parse_scene(shipped("drywall-mannequin"))
     volume = mf.focus(mf.simulate(scene, snr_db=SNR_DB))
     body = next(solid for solid in solids(scene) if scene.surface[solid.surface].name == "mannequin")

@@ -1,27 +1,27 @@
-"""Vary the tuned constants of steps 2 to 6 one at a time, and print what each variation does to the reconstructions.
+"""Vary the tuned constants of steps 2 to 6, one at a time, and print how each variation changes the F-scores.
 
     python benchmarks/sensitivity.py [--seeds 3] [--first 500] [--family NAME ...] [--constant NAME ...]
                                      [--volumes] [--jobs 1] [--json FILE]
 
-Every number that a module of steps 2 to 6 sets is made 1.5 times smaller and 1.5 times larger: decibels by their
-number, integers by at least 1, all numbers of a tuple at once, shares to 0.99 at most. Scenes are those of
-`mirrorfold.scenes.families` with seeds of their own (the seeds of its table stay unseen), the full-wave sweep of two
-walls where there is one, and with `--volumes` raster scenes of `raster.py`. Constants of the test for mixed paths are
-judged on the first scenes of two families and on the full-wave sweep, with the sweep; `GHOST_CELLS` on reconstructions
-that are folded again.
+Every constant that a module of steps 2 to 6 defines is made 1.5 times smaller and 1.5 times larger. For decibels, the
+number of decibels is multiplied; integers change by at least 1; all numbers of a tuple change together; shares become
+0.99 at most. Scenes are those of `mirrorfold.scenes.families` with seeds of their own (the seeds of its table stay
+unseen), the full-wave sweep of two walls if the file exists, and with `--volumes` the raster scenes of `raster.py`.
+Constants of the test for mixed paths are judged on the first scenes of two families and on the full-wave sweep, folded
+with the sweep; `GHOST_CELLS` is judged on reconstructions that are folded again.
 
-How to read the table: the rows at the top are F-scores at 2 cm as the program stands, mean and worst over the scenes,
-of all points and of those seen by way of mirrors. The others are differences from them, the largest first; for each
-constant one row with the smaller and one with the larger number. The verdict is on both together:
+How to read the table: the rows at the top are F-scores at 2 cm with the constants as they are: mean and worst over the
+scenes, of all points and of those seen by way of mirrors. The other rows are differences from them, with the largest
+first; each constant has one row for the smaller and one for the larger number. The verdict is on both rows together:
 
 * moves nothing: no mean changes by 0.001, no worst by 0.01. The constant may be left out of the program, or made a
-  round number, or only cases that are not here need it;
-* edge: a mean loses more than 0.01 on one side at least. The constant is tuned closely: say why, or find a better rule;
+  round number, or it is needed only in cases that are not tried here;
+* edge: a mean loses more than 0.01 on at least one side. The constant is tuned closely: say why, or find a better rule;
 * gains: no edge, and a mean gains more than 0.01. Try that side on more seeds before you believe it;
 * flat: anything between. This is how a constant should be;
 * fails: the program stops with an error.
 
-With few scenes the worst is one scene, and an F-score moves by 0.005 when a single short mirror comes or goes.
+With few scenes the worst is a single scene, and an F-score changes by 0.005 if a single short mirror comes or goes.
 """
 
 from __future__ import annotations
@@ -44,7 +44,10 @@ from rich.table import Table
 from tuned_constants import Constant, Sources, Value
 
 FACTOR = 1.5
+"""Each constant is divided and multiplied by this."""
+
 STEPS = ("mirrorfold.detection", "mirrorfold.tree", "mirrorfold.folding", "mirrorfold.reconstruction")
+"""Modules of steps 2 to 6, with all modules inside of them."""
 
 LEFT_OUT = {
     "WEIGHTS": "fitted by confidence.py",
@@ -65,31 +68,33 @@ LEFT_OUT = {
     "FLATTEST": "checks mirrors that are given; here they are found",
     "LARGEST_COUNT": "checks mirrors that are given; here they are found",
 }
-"""Constants that are no tuning, by name or by module and name, with the reason."""
+"""Constants that are not tuned, by name or by module and name, with the reason."""
 
 SHARES = ("SMALLEST_FILL", "SMALLEST_FILL_SHORT", "SMALLEST_DIRECTION_RATIO", "LARGEST_SINE")
-"""Shares of one, and a sine: with 1 or more nothing would ever pass, or there is no angle."""
+"""Shares and a sine: at 1 or more, nothing would ever pass the test, or there is no angle."""
 LARGEST_SHARE = 0.99
+"""Largest value that is tried for `SHARES`."""
 
 WITH_SWEEP = ("directions.",)
 """Constants of the test for mixed paths, which needs the sweep; by the beginning of their labels."""
 AGAIN = ("reconstruction.GHOST_",)
-"""Constants that matter when a reconstruction is folded again."""
+"""Constants that matter only if a reconstruction is folded again; by the beginning of their labels."""
 SEES = ("echoes.", "image_view.", "image_echoes.", "volume_view.", "volume_echoes.")
-"""Constants that change the view or the echoes in it; with all others these are found once."""
+"""Constants that change the view or the echoes in it; for all others, view and echoes are computed only once."""
 
 FIGURES = ("all", "hidden")
 NOTHING_MEAN, NOTHING_WORST, EDGE = 0.001, 0.01, 0.01
+"""Limits of the verdicts, as at the top of this file: changes of mean and worst that are nothing, and an edge."""
 
 Task = tuple[Constant | None, Value | None, str]
-"""A constant and the value to give to it, or neither for the program as it stands; and how to fold, see `Case.fold`."""
+"""A constant and the value to give to it, or twice None for the unvaried program; and how to fold, see `Case.fold`."""
 
 Scores = dict[str, dict[str, float]]
-"""For each scene by name the F-score of all points and of the hidden ones."""
+"""The F-scores of all points and of the hidden ones, by the name of the scene."""
 
 
 def sides(constant: Constant) -> tuple[Value, Value]:
-    """The smaller and the larger number, in size."""
+    """The value divided and multiplied by `FACTOR`; each number of a tuple for itself."""
     if isinstance(constant.value, tuple):
         down, up = zip(*(_sides(value, constant.name) for value in constant.value), strict=True)
         return down, up
@@ -97,6 +102,7 @@ def sides(constant: Constant) -> tuple[Value, Value]:
 
 
 def _sides(value: int | float, name: str) -> tuple[int | float, int | float]:
+    """A number divided and multiplied by `FACTOR`; an integer changes by at least 1, a share becomes 0.99 at most."""
     down, up = value / FACTOR, value * FACTOR
     if isinstance(value, int):
         return min(round(down), value - 1), max(round(up), value + 1)
@@ -104,14 +110,14 @@ def _sides(value: int | float, name: str) -> tuple[int | float, int | float]:
 
 
 def manner(constant: Constant) -> str:
-    """How images are folded to judge a constant, see `Case.fold`."""
+    """How images are folded to judge a constant: "alone", "sweep" or "again", see `Case.fold`."""
     if constant.label.startswith(WITH_SWEEP):
         return "sweep"
     return "again" if constant.label.startswith(AGAIN) else "alone"
 
 
 def concerned(constant: Constant, case: Case) -> bool:
-    """Whether a constant can matter in a scene: those of lines and images in volumes cannot, nor the reverse."""
+    """Whether a constant can matter in a scene: constants of images cannot matter in volumes, nor vice versa."""
     if manner(constant) != "alone" and case.sweep is None:
         return False
     part = constant.label
@@ -121,7 +127,7 @@ def concerned(constant: Constant, case: Case) -> bool:
 
 
 def selected(sources: Sources, names: list[str] | None) -> tuple[list[Constant], list[str]]:
-    """The constants to vary, and a remark on each that is not, or not everywhere."""
+    """The constants to vary, and a remark on each constant that is not varied, or not everywhere."""
     found = sources.constants(*STEPS)
     remarks = []
     chosen = []
@@ -148,7 +154,7 @@ def selected(sources: Sources, names: list[str] | None) -> tuple[list[Constant],
 
 @dataclass(frozen=True)
 class Result:
-    """What a variation did: scores of each scene, or the error that it ended with."""
+    """The scores of each scene with a variation, and the error of the last scene that failed."""
 
     constant: Constant | None
     value: Value | None
@@ -159,7 +165,7 @@ class Result:
 
 
 def measure(sources: Sources, cases: list[Case], task: Task) -> Result:
-    """Fold and score all scenes that a constant concerns, with that value; without a constant as the program stands."""
+    """Fold and score all scenes that a constant concerns, with the value of the task, or the unvaried program."""
     constant, value, how = task
     started = time.perf_counter()
     if constant is None or value is None:
@@ -172,7 +178,7 @@ def measure(sources: Sources, cases: list[Case], task: Task) -> Result:
             if concerned(constant, case):
                 try:
                     scores[case.name] = case.scores(how, fresh=constant.label.startswith(SEES))
-                except Exception as problem:  # whatever an absurd value leads to is a result, too
+                except Exception as problem:  # an absurd value may lead to any error
                     error = f"{case.name}: {type(problem).__name__}: {problem}"
     return Result(constant, value, how, scores, error, time.perf_counter() - started)
 
@@ -181,7 +187,7 @@ _worker: tuple[Sources, list[Case]] | None = None
 
 
 def _start(cases: list[Case]) -> None:
-    """Make a process ready; interrupts are left to the one that started it."""
+    """Prepare a process; the process that started it alone handles interrupts."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _worker = Sources("mirrorfold"), cases
@@ -193,12 +199,12 @@ def _work(task: Task) -> Result:
 
 
 def results(sources: Sources, cases: list[Case], tasks: list[Task], jobs: int) -> Iterator[Result]:
-    """The results of all tasks as they come, from so many processes."""
+    """The results of all tasks, in the order in which the processes finish them."""
     if jobs == 1:
         for task in tasks:
             yield measure(sources, cases, task)
         return
-    # Started anew, not forked: the threads of Numba do not survive a fork.
+    # Processes are spawned, not forked: the threads of Numba do not survive a fork.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(cases,))
     try:
         waiting: list[Future[Result]] = [pool.submit(_work, task) for task in tasks]
@@ -209,7 +215,7 @@ def results(sources: Sources, cases: list[Case], tasks: list[Task], jobs: int) -
 
 
 def summary(scores: Scores, cases: list[Case]) -> dict[tuple[str, str, str], float]:
-    """Mean and worst of each figure over the scenes of each group, in the order of the columns."""
+    """Mean and worst of each F-score over the scenes of each group, in the order of the columns."""
     result = {}
     for group in dict.fromkeys(case.group for case in cases):
         names = [case.name for case in cases if case.group == group and case.name in scores]
@@ -222,14 +228,14 @@ def summary(scores: Scores, cases: list[Case]) -> dict[tuple[str, str, str], flo
 
 
 def differences(result: Result, unvaried: Scores, cases: list[Case]) -> dict[tuple[str, str, str], float]:
-    """What a variation did to means and worsts, over the same scenes."""
+    """How a variation changed means and worsts, over the scenes that it concerns."""
     same = {name: unvaried[name] for name in result.scores}
     before, after = summary(same, cases), summary(result.scores, cases)
     return {key: after[key] - before[key] for key in after}
 
 
 def verdict(both: list[dict[tuple[str, str, str], float]], failed: bool) -> str:
-    """On the differences of both sides, see the head of this file."""
+    """The verdict on the differences of both sides, as described at the top of this file."""
     means = [value for side in both for (_, _, kind), value in side.items() if kind == "mean"]
     worsts = [value for side in both for (_, _, kind), value in side.items() if kind == "worst"]
     if failed or not means:
@@ -244,12 +250,12 @@ def verdict(both: list[dict[tuple[str, str, str], float]], failed: bool) -> str:
 
 
 def written(value: Value) -> str:
-    """A number, or some."""
+    """A number or a tuple of numbers as text."""
     return ", ".join(map(written, value)) if isinstance(value, tuple) else f"{value:.4g}"
 
 
 def table(found: list[Result], cases: list[Case]) -> Table:
-    """Figures as the program stands, and how those of each variation differ."""
+    """A table of the F-scores of the unvaried program, and of their differences with each variation."""
     unvaried = {result.how: result.scores for result in found if result.constant is None}
     heads = {how: summary(scores, cases) for how, scores in unvaried.items()}
     several = {group for group in {c.group for c in cases} if sum(c.group == group for c in cases) > 1}
@@ -292,12 +298,12 @@ def table(found: list[Result], cases: list[Case]) -> Table:
 
 
 def _signed(difference: float) -> str:
-    """With its sign, and without one where it rounds to zero."""
+    """A difference with its sign as text; "0" if it rounds to zero."""
     return f"{difference:+.3f}" if abs(difference) >= 0.0005 else "0"
 
 
 def to_json(found: list[Result], cases: list[Case]) -> str:
-    """All scores of all scenes."""
+    """All scores of all scenes, as JSON."""
     rows = [
         {"constant": one.constant.label if one.constant else None, "is": one.constant.value if one.constant else None,
          "becomes": one.value, "how": one.how, "scores": one.scores, "error": one.error}
@@ -307,7 +313,7 @@ def to_json(found: list[Result], cases: list[Case]) -> str:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Vary the constants that the command line names, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3, help="scenes of each family")
     parser.add_argument("--first", type=int, default=500, help="first seed")
@@ -332,7 +338,7 @@ def main() -> None:
         chosen = [constant for constant in chosen if any(concerned(constant, case) for case in cases)]
         manners = dict.fromkeys(["alone", *map(manner, chosen)])
         tasks: list[Task] = [(None, None, how) for how in manners]
-        # Those with the sweep take longest, and come last.
+        # Constants that need the sweep take longest, and come last.
         chosen.sort(key=lambda constant: manner(constant) == "sweep")
         tasks += [(constant, value, manner(constant)) for constant in chosen for value in sides(constant)]
         started = time.perf_counter()

@@ -1,18 +1,18 @@
-"""Hours of hard use: nothing is lost, nothing is half-written, nothing grows, and what resumes is the same to the bit.
+"""Hours of hard use: no file is lost or half-written, memory does not grow, and resumed work gives the same bits.
 
     python benchmarks/soak.py [--quick] [--only NAME ...] [--seed 0]
 
 | trial | what is done |
 |---|---|
-| growth | reconstructions one after the other in one process: how much its memory grows after the first tenth |
-| crowd | ten command lines at once on one empty cache of compiled kernels |
-| kills | `kill -9` at random moments of each verb that writes, over older files |
-| resumed | full-wave sweeps that are killed again and again, and resumed |
-| full disk | files may grow to a random size and no further |
-| damage | random bytes of kept parts are changed before a sweep is resumed |
+| growth | many reconstructions in one process: how much its memory grows after the first tenth of them |
+| crowd | ten command lines at once, with one empty cache of compiled kernels |
+| kills | `kill -9` at random moments of each verb that writes, with older files in the place of its output |
+| resumed | full-wave sweeps that are killed repeatedly, and resumed |
+| full disk | files cannot grow beyond a random size |
+| damage | random bits of stored parts are changed before a sweep is resumed |
 | worker | one of two Dask workers is killed while it works |
 
-Prints one line for each trial and fails if anything was lost. The quick version takes some five minutes.
+Prints one line for each trial, and fails if any trial has failed. The quick version takes some five minutes.
 """
 
 from __future__ import annotations
@@ -67,10 +67,11 @@ for number in range(times):
         first = now()
 print(first, now())
 """
-"""Reconstructs again and again; prints the resident memory after a tenth of the times, and at the end [bytes]."""
+"""A program that reconstructs a sweep many times, and prints the resident memory [bytes] after a tenth of the times and
+at the end."""
 
 MOST_GROWTH = 0.02
-"""Share of its memory by which a process may grow after it has warmed up."""
+"""Largest growth of a process after the first tenth of its reconstructions, as a share of its memory."""
 
 VERBS = {
     "simulate": ("simulate scene.toml -o {}/a.nc", "a.nc"),
@@ -86,12 +87,13 @@ VERBS = {
     "compare": ("compare reconstruction.nc reconstruction.nc -o {}/a.html", "a.html"),
     "plan": ("plan --band 290GHz:300GHz --points 401 --aperture 80mm --pitch 0.5mm --range 2m -o {}/a.png", "a.png"),
 }
-"""Each verb that writes: its command line, with the folder for its output, and the files that it leaves there."""
+"""Each verb that writes: its command line, with `{}` for the folder of its output, and the files that it writes
+there."""
 
 
 @dataclass
 class Trial:
-    """What came out of one kind of trial."""
+    """The result of one kind of trial: number of tries, failures, and a number to print."""
 
     name: str
     tries: int = 0
@@ -99,13 +101,13 @@ class Trial:
     figure: str = ""
 
     def check(self, whether: bool, otherwise: str) -> None:
-        """Note a failure."""
+        """Note the failure `otherwise`, unless the condition holds."""
         if not whether:
             self.failures.append(otherwise)
 
 
 class Ground:
-    """A folder with small inputs of every kind, and what each verb makes of them."""
+    """A folder with small inputs of every kind, in which command lines are run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -121,7 +123,7 @@ class Ground:
             assert self.run(line) == 0, f"failed: {line}"
 
     def start(self, line: str, **more: object) -> subprocess.Popen[bytes]:
-        """Start a command line; it and what it starts are one group of processes."""
+        """Start a command line, in a group of processes of its own."""
         environment = {**os.environ, "MPLBACKEND": "Agg", **more.pop("env", {})}  # type: ignore[dict-item]
         return subprocess.Popen(
             [sys.executable, "-m", "mirrorfold", *line.split()], cwd=self.folder, env=environment,
@@ -135,7 +137,7 @@ class Ground:
             return process.returncode
 
     def kill(self, line: str, after: float) -> bool:
-        """Kill a command line and all that it started after so many seconds; False where it had ended before."""
+        """Kill a command line and all processes that it started after a time [s]; False if it had ended before."""
         with self.start(line) as process:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(after)
@@ -147,7 +149,7 @@ class Ground:
 
 
 def same(first: Path, second: Path) -> bool:
-    """Whether two files, or all files of two folders, hold the same."""
+    """Whether two files, or all files of two folders, have the same content."""
     if first.is_dir() and second.is_dir():
         names = {path.name for folder in (first, second) for path in folder.iterdir()}
         return all(same(first / name, second / name) for name in names)
@@ -155,12 +157,12 @@ def same(first: Path, second: Path) -> bool:
 
 
 def visible(folder: Path) -> list[Path]:
-    """What lies in a folder, without hidden files."""
+    """The files in a folder, without hidden ones."""
     return [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
 
 
 def growth(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """The memory of a process that reconstructs again and again."""
+    """The memory of a process that reconstructs many times."""
     times = 60 if quick else 1000
     command = [sys.executable, "-c", GROWTH, "sweep.nc", str(times)]
     printed = subprocess.run(command, cwd=ground.folder, capture_output=True, text=True, check=True).stdout
@@ -172,7 +174,7 @@ def growth(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def crowd(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """Many command lines at once, which compile into one cache."""
+    """Several command lines at once, which compile into the same cache."""
     trial = Trial("crowd", 4 if quick else 10)
     cache = ground.folder / "cache"
     folders = [ground.folder / f"crowd-{number}" for number in range(trial.tries)]
@@ -187,7 +189,7 @@ def crowd(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def kills(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """Each verb killed at random moments; what is there afterwards is the old files or the new ones, whole."""
+    """Each verb is killed at random moments; afterwards each file must be the old one or the new one, complete."""
     trial = Trial("kills")
     early = 0
     for verb, (line, names) in VERBS.items():
@@ -198,7 +200,7 @@ def kills(ground: Ground, quick: bool, chance: random.Random) -> Trial:
         started = time.perf_counter()
         assert ground.run(line.format(target.name)) == 0, f"failed: {line}"
         length = time.perf_counter() - started
-        target.rename(new)  # made where the killed ones are: pages of results tell the command that made them
+        target.rename(new)  # same output folder as for killed runs: pages of results tell their command
         for _ in range(2 if quick else 20):
             for folder in (old, target):
                 shutil.rmtree(folder, ignore_errors=True)
@@ -222,7 +224,7 @@ def kills(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def _readable(path: Path) -> bool:
-    """Whether a file of results, whose attributes tell when it was made, can be read from end to end."""
+    """Whether a file of results can be read. (It cannot be compared: its attributes tell when it was made.)"""
     import mirrorfold as mf
 
     with suppress(mf.InputError):
@@ -234,7 +236,7 @@ WAVES = "simulate scene.toml -o {}/a.nc --solver fullwave --workers 2"
 
 
 def resumed(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """A full-wave sweep that is killed again and again ends as one that was not."""
+    """A full-wave sweep that is killed repeatedly and resumed must equal an undisturbed one."""
     trial = Trial("resumed")
     whole, length = _whole_sweep(ground)
     rounds = 0
@@ -253,7 +255,7 @@ def resumed(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def full_disk(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """Files that cannot grow beyond a random size: one sentence, exit code 1, old files untouched."""
+    """Files cannot grow beyond a random size: the verb must print one sentence, exit with 1, and keep old files."""
     trial = Trial("full disk")
     for _ in range(8 if quick else 50):
         verb = chance.choice(["simulate", "focus", "fold", "reconstruct", "calibrate", "import"])
@@ -282,7 +284,7 @@ def full_disk(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def damage(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """Random bytes of kept parts are changed; the sweep is the same, and the damage is told."""
+    """Random bits of stored parts are changed: the verb must report the damage, and give the same sweep."""
     trial = Trial("damage")
     whole, length = _whole_sweep(ground)
     hit = 0
@@ -308,7 +310,7 @@ def damage(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def worker(ground: Ground, quick: bool, chance: random.Random) -> Trial:
-    """A Dask worker that is killed while it works: the other one does the rest."""
+    """One of two Dask workers is killed while it works: the other one must do the rest."""
     from distributed import LocalCluster
 
     trial = Trial("worker")
@@ -331,7 +333,7 @@ def worker(ground: Ground, quick: bool, chance: random.Random) -> Trial:
 
 
 def _whole_sweep(ground: Ground) -> tuple[Path, float]:
-    """A full-wave sweep that nothing disturbed, and the time that it takes [s]."""
+    """The file of an undisturbed full-wave sweep, and the time that it takes [s]."""
     folder = ground.folder / "waves"
     started = time.perf_counter()
     if not folder.exists():
@@ -342,7 +344,7 @@ def _whole_sweep(ground: Ground) -> tuple[Path, float]:
 
 
 def _equal(first: Path, second: Path) -> bool:
-    """Whether two sweeps hold the same samples, to the bit."""
+    """Whether the samples of two sweeps are exactly equal."""
     import mirrorfold as mf
 
     return bool((mf.load(first)["s"].values == mf.load(second)["s"].values).all())
@@ -360,7 +362,7 @@ TRIALS: dict[str, Callable[[Ground, bool, random.Random], Trial]] = {
 
 
 def trials(names: list[str], quick: bool, seed: int) -> Iterator[tuple[Trial, float]]:
-    """Each trial as it is done, and the time that it took [s]."""
+    """The trials one after the other, each with the time that it took [s]."""
     with tempfile.TemporaryDirectory(prefix="soak-") as folder:
         ground = Ground(Path(folder))
         for name in names:
@@ -369,7 +371,7 @@ def trials(names: list[str], quick: bool, seed: int) -> Iterator[tuple[Trial, fl
 
 
 def main() -> int:
-    """Run what the command line asks for."""
+    """Run the trials that the command line names, and print their results."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="some five minutes instead of two hours")
     parser.add_argument("--only", nargs="+", choices=list(TRIALS), default=list(TRIALS))

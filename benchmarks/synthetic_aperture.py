@@ -2,9 +2,9 @@
 
     python benchmarks/synthetic_aperture.py [--seeds 3] [--out DIR]
 
-Every antenna position of the shipped scene gets a delay of up to 2 mm of its own, as phase centres and cables have. A
-steel sphere before the array calibrates them at 20 dB SNR per sample; then the scene is imaged and folded, as it was
-measured, calibrated, and as an ideal instrument would have seen it.
+Every antenna position of the shipped scene gets a delay of its own of up to 2 mm, as phase centres and cables have. The
+delays are estimated from a steel sphere before the array, at 20 dB SNR per sample. Then the scene is imaged and folded
+from three sweeps: as measured, as calibrated, and as an ideal instrument would have measured.
 """
 
 from __future__ import annotations
@@ -28,10 +28,14 @@ from mirrorfold.scenes.floor_plan import Scene, load_scene
 from mirrorfold.scenes.surfaces import Circle
 
 LARGEST_DELAY = 2e-3
+"""Largest delay of a position, as a length [m]."""
+
 SNR_DB = 20.0
 SPHERE, RADIUS = (0.03, 0.9), 0.02
+"""Place and radius of the sphere [m]."""
+
 CABLE = 1.7
-"""Way through the cables that the calibration has to take away too [m]."""
+"""Length of the cables in all paths, which the calibration has to remove as well [m]."""
 
 
 def scene() -> Scene:
@@ -42,26 +46,26 @@ def scene() -> Scene:
 
 
 def sphere_alone(truth: Scene) -> Scene:
-    """A steel sphere before the same array, and nothing else."""
+    """The scene of a steel sphere alone, before the same array."""
     return replace(truth, name="sphere", surface=(Circle(name="sphere", center=SPHERE, radius=RADIUS),))
 
 
 def with_errors(sweep: xr.Dataset, tx_delay: np.ndarray, rx_delay: np.ndarray, cable: float = 0.0) -> xr.Dataset:
-    """The sweep as elements with delays of their own [m] measure it, through a cable."""
+    """The sweep as an instrument measures it whose elements have delays of their own [m], through a cable [m]."""
     k = 2 * np.pi * sweep["frequency"].values / speed_of_light
     turn = np.exp(-1j * k[:, None, None] * (tx_delay[:, None] + rx_delay + cable))
     return sweep.assign(s=sweep["s"].copy(data=(sweep["s"].values * turn).astype(np.complex64)))
 
 
 def calibrated(sweep: xr.Dataset, sphere: xr.Dataset, cable: float) -> tuple[xr.Dataset, Any]:
-    """What a laboratory does: the nominal cable off, then the elements from the sphere."""
+    """Calibrate as a laboratory does: remove the nominal cable, then the delays that are estimated from the sphere."""
     sphere = mf.calibrate.remove_cable(sphere, cable)
     elements = mf.calibrate.estimate_elements(sphere, at=SPHERE, radius=RADIUS)
     return mf.calibrate.apply_elements(mf.calibrate.remove_cable(sweep, cable), elements), elements
 
 
 def experiment(seed: int, out: Path | None = None) -> list[dict[str, Any]]:
-    """The figures of one draw of delays: measured, calibrated, ideal."""
+    """The scores of one draw of delays, for the measured, the calibrated and the ideal sweep."""
     random = np.random.default_rng(seed)
     truth = scene()
     ideal = mf.simulate(truth, seed=seed, bounces=2)
@@ -86,7 +90,7 @@ def experiment(seed: int, out: Path | None = None) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the draws that the command line asks for, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--out", type=Path, help="directory for pictures of the first draw")

@@ -1,7 +1,8 @@
-"""The tuned constants of a package: found in its sources, and varied everywhere at once, also where they are frozen.
+"""The tuned constants of a package: found in its sources, and varied in all places at once.
 
-A constant lives in more places than its own module: in modules that imported it by name, in the defaults of functions,
-and in constants computed from it. Compiled kernels keep the value of their first call, which nothing here can change.
+The value of a constant is held in more places than its own module: in modules that imported it by name, in the defaults
+of functions, and in constants that are computed from it. Compiled kernels keep the value of their first call; nothing
+here can change it.
 """
 
 from __future__ import annotations
@@ -23,25 +24,26 @@ Place = tuple[str, str]
 """A module and a name in it."""
 
 CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
-"""Names that are written as those of constants."""
+"""Names in capital letters, as those of constants are written."""
 
 
 @dataclass(frozen=True)
 class Constant:
-    """A number, or some, that a module sets.
+    """A number or a tuple of numbers that a module defines.
 
     Attributes
     ----------
     module, name : str
     value : number or tuple of numbers
     reason : str
-        The text below it, which says why it is what it is.
+        The text below the constant, which says why it has this value.
     derived : bool
-        Whether it is computed from other constants, and follows them.
+        Whether the constant is computed from other constants, and follows them.
     kernels : tuple of str
-        Compiled functions that use it: a variation does not reach them.
+        Compiled functions that use the constant: a variation does not reach them.
     stale : tuple of str
-        Compiled functions and bodies of classes that use what is computed from it, or it in a way that is not followed.
+        Compiled functions and bodies of classes that use the constant, or what is computed from it, and keep the old
+        value.
     """
 
     module: str
@@ -54,12 +56,12 @@ class Constant:
 
     @property
     def label(self) -> str:
-        """The last part of its module and its name, such as ``rows.GAP_CELLS``."""
+        """The last part of the module's name, and the name of the constant, such as ``rows.GAP_CELLS``."""
         return f"{self.module.rpartition('.')[2]}.{self.name}"
 
 
 def is_value(value: object) -> bool:
-    """Whether that is a number or a tuple of numbers."""
+    """Whether a value is a number or a tuple of numbers."""
     parts = value if isinstance(value, tuple) else (value,)
     return bool(parts) and all(isinstance(part, int | float) and not isinstance(part, bool) for part in parts)
 
@@ -70,7 +72,7 @@ class Sources:
     Parameters
     ----------
     package : str
-        Its name; it can be imported.
+        Name of the package, which can be imported.
     """
 
     def __init__(self, package: str) -> None:
@@ -84,7 +86,7 @@ class Sources:
             self.trees[name] = ast.parse(path.read_text(encoding="utf-8"))
 
     def constants(self, *modules: str) -> list[Constant]:
-        """The numbers and tuples of numbers of these modules and of those inside of them."""
+        """The constants of these modules and of the modules inside of them."""
         wanted = [m for m in self.trees if any(m == prefix or m.startswith(prefix + ".") for prefix in modules)]
         return [constant for module in wanted for constant in self._of_module(module)]
 
@@ -105,7 +107,10 @@ class Sources:
                 yield Constant(module, name, value, text, derived, tuple(sorted(kernels)), tuple(sorted(stale)))
 
     def places(self, module: str, name: str) -> dict[Place, list[Place]]:
-        """Where a constant and all that is computed from it are held, each with itself in the first place."""
+        """All places that hold a constant, and those that hold each constant computed from it.
+
+        The keys are the places in which the constants are defined; each is also the first item of its list.
+        """
         result: dict[Place, list[Place]] = {}
         waiting = [(module, name)]
         while waiting:
@@ -119,7 +124,7 @@ class Sources:
         return result
 
     def _imported(self, origin: Place) -> list[Place]:
-        """A place, and those where modules took it over by name, also from one another."""
+        """A place, and the places of all modules that imported it by name, from its own module or from another."""
         group = [origin]
         for place in group:
             for where, alias in self._imports.get(place, ()):
@@ -129,7 +134,7 @@ class Sources:
 
     @cached_property
     def _imports(self) -> dict[Place, list[Place]]:
-        """For each name of a module the places that import it."""
+        """For each name of a module, the places in which it was imported."""
         result: dict[Place, list[Place]] = {}
         for module, tree in self.trees.items():
             for node in ast.walk(tree):
@@ -139,6 +144,7 @@ class Sources:
         return result
 
     def _assignments(self, module: str) -> list[tuple[str, ast.expr]]:
+        """All names that a module defines by assignment, with their expressions."""
         return [pair for statement in self.trees[module].body for pair in _assigned(statement)]
 
     def _kernels(self, module: str, name: str) -> list[str]:
@@ -147,7 +153,7 @@ class Sources:
                 if _compiled(node) and name in _names(node)]  # fmt: skip
 
     def _frozen(self, module: str, name: str) -> list[str]:
-        """Compiled functions that use a name, and bodies of classes: what they hold does not follow."""
+        """Compiled functions and bodies of classes that use a name: they keep its old value."""
         classes = [
             f"class {module}.{node.name}"
             for node in ast.walk(self.trees[module])
@@ -162,7 +168,7 @@ class Sources:
 
     @contextmanager
     def varied(self, constant: Constant, value: Value) -> Iterator[None]:
-        """Give a constant another value wherever it is held; afterwards it has its own again."""
+        """Give a constant another value in all places that hold it, and restore its own value afterwards."""
         undo: list[Callable[[], None]] = []
         try:
             for origin, group in self.places(constant.module, constant.name).items():
@@ -181,7 +187,7 @@ class Sources:
                 restore()
 
     def _refresh_defaults(self, module: str, name: str) -> Iterator[Callable[[], None]]:
-        """Evaluate the defaults of functions again that use a name; each has a call that undoes it."""
+        """Evaluate again the defaults of functions that use a name; yields calls that undo this."""
         for path, node in _functions(self.trees[module]):
             function = _function(module, path)
             if function is None:
@@ -206,7 +212,7 @@ def _set(holder: dict[str, Any], name: str, value: Any) -> Callable[[], None]:
 
 
 def _assigned(statement: ast.stmt) -> list[tuple[str, ast.expr]]:
-    """The name that a statement gives a value, with the expression."""
+    """The name to which a statement assigns a value, with the expression of the value, or nothing."""
     if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
         return [(statement.targets[0].id, statement.value)]
     if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and statement.value is not None:
@@ -220,7 +226,7 @@ def _names(node: ast.AST) -> set[str]:
 
 
 def _functions(tree: ast.Module) -> Iterator[tuple[str, ast.FunctionDef]]:
-    """Functions and methods, but not those inside of functions, which see every value when they are called."""
+    """Functions and methods, but not functions inside of functions, whose defaults are evaluated at every call."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
             yield node.name, node
@@ -234,7 +240,7 @@ def _compiled(node: ast.FunctionDef) -> bool:
 
 
 def _function(module: str, path: str) -> FunctionType | None:
-    """The plain function of that name, whatever is wrapped around it."""
+    """The plain function of that name, without its wrappers; None if there is none."""
     found: Any = import_module(module)
     for part in path.split("."):
         found = vars(found).get(part)
@@ -245,5 +251,5 @@ def _function(module: str, path: str) -> FunctionType | None:
 
 
 def _evaluated(expression: ast.expr, module: str) -> Any:
-    """What an expression of a module's source is now."""
+    """The present value of an expression in a module."""
     return eval(compile(ast.Expression(expression), module, "eval"), vars(import_module(module)))

@@ -1,1 +1,1 @@
-"""What `fuzz.py` feeds to mirrorfold, and how it damages it."""
+"""The files that `fuzz.py` feeds to mirrorfold, and how it damages them."""

@@ -1,4 +1,4 @@
-"""How files are damaged: bytes of any file, words of texts, arrays and attributes of HDF5 files."""
+"""Damage to files: to the bytes of any file, to the words of texts, to arrays and attributes of HDF5 files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NUMBERS = [b"-1", b"0", b"1e999", b"nan", b"99999999999999999999", b"4294967296"
 def damaged_bytes(raw: bytes, others: list[bytes], rng: np.random.Generator) -> bytes:
     """The file with a few mistakes."""
     data = bytearray(raw)
-    if rng.random() < 0.02:  # what takes the square of its length is seen only where that is large
+    if rng.random() < 0.02:  # time that grows with the square of a length shows only if the length is large
         at, piece = (
             int(rng.integers(0, len(data) + 1)),
             bytes(rng.choice([b"9", b"_", b" ", b"a", b"(", b",", b"-", b"\n", b"[", b"0x"])),
@@ -118,14 +118,14 @@ WORDS = [
     "\x7f",
     "\ufeff",
 ]
-"""What may stand in the place of a value, and must do no harm there."""
+"""Words that may replace a value, and must do no harm."""
 
 TOKEN = re.compile(r'"(?:[^"\\\n]|\\.)*"|[-+]?\d[\w.+-]*|\w+|\s+|.', re.DOTALL)
-"""The pieces of TOML, JSON and HTTP: texts, numbers, words, spaces, signs."""
+"""The tokens of TOML, JSON and HTTP: texts, numbers, words, spaces, signs."""
 
 
 def damaged_text(text: str, others: list[str], rng: np.random.Generator) -> str:
-    """The text with a few mistakes: values, words and lines that are exchanged, doubled, moved or missing."""
+    """The text with a few mistakes: values, words or lines are exchanged, doubled, moved or removed."""
     for _ in range(int(rng.integers(1, 4))):
         kind = int(rng.integers(0, 10))
         if kind <= 5:
@@ -133,12 +133,12 @@ def damaged_text(text: str, others: list[str], rng: np.random.Generator) -> str:
             places = [n for n, token in enumerate(tokens) if not token.isspace()]
             if not places:
                 return text
-            # Most mistakes are in values, the numbers and texts.
+            # Most mistakes are made in values, that is in numbers and texts.
             values = [n for n in places if tokens[n][0] in '"-+.0123456789']
             at = int(rng.choice(values if kind <= 3 and values else places))
             if kind <= 1:
                 tokens[at] = WORDS[int(rng.integers(len(WORDS)))]
-            elif kind <= 3:  # one of the same text, or of another
+            elif kind <= 3:  # a token of the same text, or of another text
                 found = TOKEN.findall(others[int(rng.integers(len(others)))] if kind == 3 else text) or [""]
                 tokens[at] = found[int(rng.integers(len(found)))]
             elif kind == 4:
@@ -201,7 +201,7 @@ ATTRIBUTES = [
 
 
 def damaged_hdf5(raw: bytes, rng: np.random.Generator) -> bytes:
-    """The file with a few arrays, groups or attributes that are other than they should be; still proper HDF5."""
+    """The file with a few mistakes in its arrays, groups or attributes; it is still proper HDF5."""
     file = io.BytesIO(raw)
     with h5py.File(file, "a") as content:
         for _ in range(int(rng.integers(1, 4))):
@@ -219,7 +219,7 @@ def damaged_hdf5(raw: bytes, rng: np.random.Generator) -> bytes:
 
 
 def _damage(content: h5py.File, name: str, group: str, arrays: list[str], rng: np.random.Generator) -> None:
-    """One mistake in an open file."""
+    """Make one mistake in an open file."""
     kind, item = int(rng.integers(0, 12)), content[name]
     if kind <= 3:  # some of its numbers, or all of them
         values = item[...]

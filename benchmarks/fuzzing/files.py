@@ -1,4 +1,4 @@
-"""A small valid file of every format that is not ours."""
+"""Small valid files of all formats that mirrorfold reads, other than its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fuzzed: the requests to the live page."""
+"""A target of fuzzing: the requests to the live page."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ANSWERED, REFUSED = range(200, 300), range(400, 500)
 
 
 def request(method: str, path: str, body: str = "", **headers: str) -> str:
-    """A request of the page; @TOKEN@, @COOKIE@, @PORT@ and @LENGTH@ stand for what is known when it is sent."""
+    """The text of a request to the page; @TOKEN@, @COOKIE@, @PORT@ and @LENGTH@ are filled in when it is sent."""
     known = {
         "Host": "127.0.0.1:@PORT@",
         "Cookie": "@COOKIE@",
@@ -99,7 +99,7 @@ class Page(Target):
         text = self.requests[name]
         head, _, body = text.partition("\r\n\r\n")
         others = [other.partition("\r\n\r\n")[2] for other in self.requests.values()]
-        if body and rng.random() < 0.6:  # a wrong object, rather than a wrong request
+        if body and rng.random() < 0.6:  # a wrong body in a right request
             raw = f"{head}\r\n\r\n{damaged_text(body, others, rng)}".encode("utf-8", "surrogatepass")
         elif rng.random() < 0.5:
             length = str(rng.choice(WORDS[:20])) if rng.random() < 0.1 else "@LENGTH@"
@@ -150,8 +150,8 @@ class Page(Target):
                     answer += part
             except TimeoutError:
                 raise EscapeError("no answer") from None
-            except OSError:  # it refused without reading all that came, and closed
+            except OSError:  # the server refused before it had read the whole request, and closed
                 pass
         found = STATUS.match(answer)
-        # Without a line that names a method there is no request to be answered; of the oldest version only the text is.
+        # Without a line that names a method there is no request to answer; HTTP 0.9 has answers without a status.
         return (int(found[1]) if found else 400), answer

@@ -1,4 +1,4 @@
-"""Fuzzed: sweeps, images and reconstructions of our own, in the verbs that take them."""
+"""A target of fuzzing: sweeps, images and reconstructions in our own formats, in the verbs that take them."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ VERBS = {
         ("compare", "{}", "valid-reconstruction.nc"),
     ],
 }
-"""What is done with a file, by its kind."""
+"""The command lines that are run with a file, by the kind of the file."""
 
 PICTURE = ("show", "{}", "-o", "out.png")
-"""Takes ten times as long as any other verb, and is done as seldom."""
+"""A command line that takes ten times as long as any other, and is run less often accordingly."""
 
 
 class Results(Target):
@@ -54,7 +54,8 @@ class Results(Target):
         (folder / "lines.json").write_text('{"mirrors": [{"start": [-0.2, 0.3], "end": [0.2, 0.34]}]}')
 
     def valid(self) -> list[Case]:
-        # Lines are no mirrors of a volume, and the other files here are none of volumes.
+        # Files of volumes are only loaded, described and drawn: mirrors, scene and reconstruction in the other command
+        # lines are of plan views.
         ways = {name: 2 if "volume" in name else len(self._verbs(name)) + 1 for name in self.files}
         every = [Case(name, raw, way) for name, raw in self.files.items() for way in range(ways[name])]
         return every + [Case(name, raw, self.ways - 1) for name, raw in self.files.items()]

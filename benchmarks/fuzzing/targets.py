@@ -1,6 +1,7 @@
-"""What is fuzzed: readers of other formats, scenes, mirrors and other descriptions, files of our own, the live page.
+"""The targets of fuzzing: readers of other formats, scene files, and descriptions such as mirrors.
 
-A target makes damaged cases and feeds them. `feed` returns "read" or "refused"; whatever else comes out is an escape.
+A target makes damaged cases and feeds them to mirrorfold. `feed` returns "read" or "refused"; anything else that may
+happen is an escape.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from fuzzing.damage import damaged_bytes, damaged_hdf5, damaged_text
 from mirrorfold.errors import InputError
 
 LONGEST_MESSAGE = 2000
-"""Letters of a refusal that somebody would read."""
+"""Most letters of a message: nobody would read a longer one."""
 
 Generator = np.random.Generator
 
 
 class Case(NamedTuple):
-    """The name of a file, what is in it, and by which of its ways it is fed."""
+    """The name of a file, its content, and the number of the way in which the target reads it."""
 
     name: str
     raw: bytes
@@ -35,16 +36,16 @@ class Case(NamedTuple):
 
 
 class EscapeError(Exception):
-    """What should not have come out, though it was no exception."""
+    """A result that should not have been, although no exception was raised."""
 
 
 class Target:
-    """One thing to feed. Subclasses say how.
+    """A part of mirrorfold to which damaged files are fed. Subclasses define the files and how they are read.
 
     Parameters
     ----------
     folder : path
-        Where it may write.
+        Folder in which the target may write.
     """
 
     ways = 1
@@ -53,15 +54,15 @@ class Target:
         self.folder = folder
 
     def valid(self) -> list[Case]:
-        """Cases without a mistake, which must be read."""
+        """Cases without mistakes, which must be read."""
         raise NotImplementedError
 
     def case(self, number: int, rng: Generator) -> Case:
-        """A damaged case."""
+        """The damaged case of this number."""
         raise NotImplementedError
 
     def feed(self, case: Case) -> str:
-        """Feed a case."""
+        """Feed a case; returns "read" or "refused"."""
         path = self.folder / case.name
         path.write_bytes(case.raw)
         try:
@@ -80,14 +81,14 @@ class Target:
 
 
 def run(*words: object) -> None:
-    """Run the command line, which may do what it is told or refuse its input in a sentence.
+    """Run a command line, which may succeed, or refuse its input in a sentence.
 
     Raises
     ------
     InputError
-        If it refuses its input.
+        If the command refuses its input.
     Exception
-        Whatever mistake it makes.
+        If the command makes a mistake.
     """
     from mirrorfold.cli import main
 
@@ -106,7 +107,7 @@ class Readers(Target):
 
     ways = 6
     own = ("one.s1p", "many.npz")
-    """Files that the others name."""
+    """Files that the other files name; they are not damaged."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -137,7 +138,7 @@ class Readers(Target):
             raw = damaged_hdf5(raw, rng)
         else:
             raw = damaged_bytes(raw, list(self.files.values()), rng)
-        if rng.random() < 0.05:  # a file by the name of another format
+        if rng.random() < 0.05:  # the file gets the suffix of another format
             name = f"other{Path(self.names[int(rng.integers(0, len(self.names)))]).suffix}"
         return Case(self._name(name), raw, int(rng.integers(0, self.ways)))
 
@@ -234,7 +235,7 @@ name = "curve"
 kind = "curve"
 points = [[0.2, 0.4], [0.25, 0.45], [0.3, 0.4], [0.35, 0.45]]
 """
-"""A curve, which the full-wave solver alone follows."""
+"""A curve, which only the full-wave solver can simulate."""
 
 SOLIDS = """
 name = "solids"
@@ -286,11 +287,11 @@ outline = [[-0.08, 0.11], [-0.08, -0.11], [0.08, -0.11]]
 
 
 class Scenes(Texts):
-    """Scene files: read, described, and where they are small simulated."""
+    """Scene files: read, described, and simulated if they are small."""
 
     ways = 3
     largest = 20_000
-    """Samples of a sweep that is simulated."""
+    """Most samples of a sweep that is simulated."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
