@@ -2,8 +2,8 @@
 Around three corners
 ====================
 
-A wave that is reflected at three walls, one after the other, has seen four rooms. Each reflection adds a generation to
-the tree of mirrors: what is seen by way of a mirror may be a mirror.
+A wave that is reflected at three walls, one after the other, has passed through four rooms. Each reflection adds a
+generation to the tree of mirrors, because a surface that is seen by way of a mirror may be a mirror itself.
 """
 
 import matplotlib.pyplot as plt
@@ -14,8 +14,8 @@ from mirrorfold.scenes.floor_plan import parse_scene
 
 # %%
 # Three metal panels turn the view to the left, ahead, and to the left again, like a periscope. At its end stands a
-# corner. A screen keeps the radar from looking past the first panel. Panels are slightly rough, so that they can be
-# seen as well as seen by.
+# corner. A screen keeps the radar from looking past the first panel. The panels are slightly rough, so that the radar
+# sees them as well as the objects that they reflect.
 
 rough = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
 panels = {
@@ -40,7 +40,7 @@ scene = parse_scene(
 reconstruction = mf.reconstruct(mf.simulate(scene, bounces=3))
 
 # %%
-# In the initial image everything stands in one line of sight, far behind the first panel.
+# In the initial image everything appears in one direction, far behind the first panel.
 
 figure = mf.plot.before_after(reconstruction, scene)
 
@@ -55,8 +55,8 @@ axes.set(xlabel="folded points", ylabel="bounces", yticks=bounces)
 axes.invert_yaxis()
 
 # %%
-# An error of a wall's angle counts twice at every reflection. After three of them the mirrors must be known to a few
-# hundredths of a degree for the corner to land within a centimetre.
+# An error of a wall's angle turns the reflection by twice this error. After three reflections, the mirrors must be
+# known to a few hundredths of a degree for the corner to be placed to within a centimetre.
 
 for mirror in mf.score(reconstruction, scene)["mirrors"]:
     if mirror["surface"] is not None:

@@ -28,7 +28,7 @@ x, y = np.linspace(-1.15, 1.15, 231), np.linspace(-0.1, 2.5, 261)
 field = mf.near_field(scene, FREQUENCY, (x, y))
 
 # %%
-# The field is a complex number at each pixel. Turned by one period it becomes a movie: `Re(E exp(j w t))`.
+# The field is a complex number E at each pixel. Its real part during one period makes a movie: `Re(E exp(j w t))`.
 
 figure, axes = plt.subplots(figsize=(5.4, 5.6), layout="constrained")
 extent = (x[0], x[-1], y[0], y[-1])
@@ -49,8 +49,8 @@ def draw(frame):
 movie = FuncAnimation(figure, draw, frames=FRAMES)
 
 # %%
-# The wave passes to the left of the partition, meets the wall there, and turns towards the corner and the screen. That
-# reflected beam is all that the radar has of them. Where is how much of it?
+# The wave passes to the left of the partition, meets the wall there, and turns towards the corner and the screen. This
+# reflected beam is all that reaches them from the radar. How strong is the field at each place?
 
 level = 20 * np.log10(np.maximum(np.abs(field.values), 1e-6))
 figure, axes = plt.subplots(figsize=(5.4, 5.6), layout="constrained")
@@ -60,7 +60,7 @@ mf.plot.scene(scene, axes)
 axes.set(title="how strong it is", xlim=extent[:2], ylim=extent[2:])
 
 # %%
-# The stripes are standing waves; their distance tells the angle at which two waves cross. Behind the partition lies its
-# shadow, into which only the wall's reflection and a little diffraction lead.
+# The stripes are standing waves; from their distance follows the angle at which two waves cross. Behind the partition
+# lies its shadow, which only the reflection of the wall and a little diffraction reach.
 #
 # At 300 GHz the same solver computes whole sweeps: `mf.simulate(scene, solver="fullwave")`.

@@ -3,8 +3,8 @@ Measured data: vehicles from the air
 ====================================
 
 The files of other laboratories have other names, units, signs and axes. This example reads four degrees of the GOTCHA
-circular synthetic-aperture data (AFRL, public release SN-07-0045), where it lies in a folder of data beside the
-project, or in the one that the variable `MIRRORFOLD_DATA` names; elsewhere it makes similar data of its own.
+circular synthetic-aperture data (AFRL, public release SN-07-0045), if they are in a folder of data beside the project,
+or in the folder that the environment variable `MIRRORFOLD_DATA` names. Otherwise it makes similar data of its own.
 """
 
 import os
@@ -18,7 +18,7 @@ import mirrorfold as mf
 
 
 def data_files():
-    """The files, if they are anywhere to be found."""
+    """The measured files, if there are any; otherwise an empty list."""
     here = Path.cwd().resolve()
     folders = [Path(os.environ["MIRRORFOLD_DATA"])] if "MIRRORFOLD_DATA" in os.environ else []
     folders += [parent / "shared" / "data" for parent in (here, *here.parents)]
@@ -27,8 +27,8 @@ def data_files():
 
 # %%
 # An airborne radar circles a parking lot at 7 km and looks down at 45 degrees. Each pulse was shifted in time as if it
-# had been sent from the distance of the scene's centre. A *mapping*, a short TOML text, says all that; the one for this
-# data comes along under the name `gotcha`.
+# had been sent from the distance of the scene's centre. A *mapping*, a short TOML text, states all this; the mapping
+# for these data comes with the package under the name `gotcha`.
 
 
 def made_up_sweep():
@@ -51,8 +51,8 @@ sweep = mf.import_data(found, mapping="gotcha") if found else made_up_sweep()
 print("measured" if found else "simulated", dict(sweep["s"].sizes))
 
 # %%
-# From here on it is a sweep like any other. Focusing knows what it will be wrong by before it starts, for any geometry;
-# the attribute `error` is measured on the image itself.
+# From here on it is a sweep like any other. For any geometry, focusing predicts its error before it starts; the
+# attribute `error` is measured on the finished image.
 
 ground = np.linspace(-50, 50, 401)
 image = mf.focus(sweep, x=ground, y=ground, tolerance=1e-3)
@@ -66,6 +66,6 @@ figure.colorbar(shown, ax=axes, shrink=0.85, label="amplitude [dB]")
 axes.set(xlabel="x [m]", ylabel="y [m]", title="a parking lot, 4 degrees of the circle")
 
 # %%
-# The rows are vehicles; the bright spots are right angles between their sides and the ground: mirrors, again.
+# The rows are vehicles. The bright spots are right angles between their sides and the ground, which act as mirrors.
 #
 # For files of your own, `mirrorfold import --guess FILE` proposes a mapping and says how sure it is of each line.

@@ -3,7 +3,7 @@ A corridor, as a floor plan
 ===========================
 
 A corridor turns off to the left. A scan from its entrance sees the outer wall, and by way of it the inner wall, an
-extinguisher box and a mannequin. A plan view is often all one wants: what stands where.
+extinguisher box and a mannequin. Often a plan view is enough: what stands where.
 """
 # sphinx_gallery_thumbnail_number = 2
 
@@ -29,14 +29,14 @@ mf.plot.image(plan, axes, normalization="none", extent=(-1.2, 1.6, 0.8, 4.2))
 axes.set_title("what the scan shows from above")
 
 # %%
-# The long line is the outer wall. Everything behind it stands in front of it. Folding in three dimensions finds walls
-# as planes and keeps the heights:
+# The long line is the outer wall. Everything that appears behind it stands in front of it in truth. Folding in three
+# dimensions finds walls as planes and keeps the heights:
 
 reconstruction = mf.fold(volume)
 figure = mf.plot.before_after(reconstruction, scene)
 
 # %%
-# Walls that were seen by way of walls are mirrors of the second generation; the table says where they stand.
+# Walls that were seen by way of another wall are mirrors of the second generation. The list says where they stand:
 
 for mirror in mf.info(reconstruction)["mirrors"]:
     (x0, y0, _), (x1, y1, _) = mirror["start_m"], mirror["end_m"]

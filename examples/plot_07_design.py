@@ -27,8 +27,8 @@ for name in ("range_resolution_m", "ambiguous_range_m", "bounces_above_noise", "
 figure = plot_plan.plan(plan, roughness=ROUGHNESS)
 
 # %%
-# Which limit comes first: the noise, or the ambiguous range? Each mirror at 45 degrees takes its share of the power
-# twice, on the way out and on the way back, and what material it is of decides how many are left.
+# Which limit comes first: the noise, or the ambiguous range? Each mirror at 45 degrees takes a share of the power
+# twice, on the way out and on the way back. Its material decides how many bounces stay above the noise.
 
 figure, axes = plt.subplots(figsize=(7.5, 4.2), layout="constrained")
 for material, colour in zip(("pec", "concrete", "plasterboard"), ("#0072b2", "#d55e00", "#009e73"), strict=True):
@@ -49,7 +49,7 @@ axes.grid(alpha=0.3)
 axes.legend(frameon=False)
 
 # %%
-# Echoes of many bounces also come late. If they come later than the frequency step allows, they wrap around and stand
+# Echoes of many bounces also come late. If they come later than the frequency step allows, they wrap around and appear
 # in the middle of the room. More frequencies cost nothing but time:
 
 print("frequencies   ambiguous range   bounces   time to measure")

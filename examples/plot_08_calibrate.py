@@ -2,8 +2,9 @@
 Calibrate a scan
 ================
 
-Cables, connectors and phase centres delay every element by an amount of its own. A millimetre is a wavelength: an array
-with such errors does not focus at all. A small metal sphere at a known place puts that right.
+Cables, connectors and phase centres delay every element by an amount of its own. At 300 GHz a millimetre is a
+wavelength: an array with such errors does not focus at all. With the echo of a small metal sphere at a known place, the
+delays can be estimated and removed.
 """
 
 import matplotlib.pyplot as plt
@@ -14,7 +15,7 @@ import mirrorfold as mf
 from mirrorfold.scenes.floor_plan import parse_scene
 
 # %%
-# A wall, and what it shows; and the sphere alone, before the same array.
+# Two measurements by the same array: a wall and a box; and the sphere alone.
 
 ARRAY = {"kind": "linear", "elements": 61, "pitch": 0.5e-3, "center": [-0.04, 0.0]}
 ARRAY["rx"] = {"kind": "linear", "elements": 61, "pitch": 0.5e-3, "center": [0.04, 0.0]}
@@ -53,8 +54,8 @@ def spoiled(sweep, seed):
 raw, raw_sphere = spoiled(scene, 1), spoiled(sphere, 2)
 
 # %%
-# What a laboratory does: take the nominal length of the cable away, and learn the elements from the sphere. The result
-# is a small file that serves all later measurements with this instrument.
+# As in a laboratory, we remove the nominal length of the cable, and estimate the delays of the elements from the
+# sphere. They can be saved to a small file that serves all later measurements with this instrument.
 
 raw, raw_sphere = mf.calibrate.remove_cable(raw, CABLE), mf.calibrate.remove_cable(raw_sphere, CABLE)
 elements = mf.calibrate.estimate_elements(raw_sphere, at=SPHERE, radius=RADIUS)
@@ -69,7 +70,8 @@ for axes, (title, sweep) in zip(
     axes.set_title(title)
 
 # %%
-# How well are the delays known? Only sums of a transmitter's and a receiver's can be observed, so a constant is free.
+# How well are the delays known? Only the sum of a transmitter's and a receiver's delay can be observed. So a constant
+# may move from all transmitters to all receivers; it is left out of the errors.
 
 error_tx = elements.tx_delay - tx_delay
 error_rx = elements.rx_delay - rx_delay

@@ -28,8 +28,8 @@ level = np.clip(255 + 255 / 60 * 20 * np.log10(amplitude / amplitude.max()), 0, 
 print(level.dtype, level.shape)
 
 # %%
-# An `xarray.DataArray` over `(y, x)` with coordinates in metres is an image. Amplitudes are linear, and what lies
-# below the 60 dB of the picture is zero.
+# An `xarray.DataArray` over `(y, x)` with coordinates in metres is an image. Amplitudes must be linear; everything more
+# than 60 dB below the maximum is zero here.
 
 linear = np.where(level > 0, 10 ** (60 / 20 * (level / 255.0 - 1.0)), 0.0)
 foreign = xr.DataArray(linear, dims=("y", "x"), coords={"y": y, "x": x}, name="image")
@@ -37,7 +37,7 @@ reconstruction = mf.fold(foreign)
 figure = mf.plot.before_after(reconstruction, scene)
 
 # %%
-# The mirrors are fitted to what is left:
+# Errors of the mirrors that were fitted to this image:
 
 for mirror in mf.score(reconstruction, scene)["mirrors"]:
     if mirror["surface"] is not None:

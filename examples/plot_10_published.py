@@ -3,7 +3,7 @@ The published algorithm, and what was added
 ===========================================
 
 `preset="published"` runs the algorithm as Cui and Trichopoulos published it in 2024. The default adds tests that a real
-scene needs. Where do they part?
+scene needs. Where do the results differ?
 """
 
 from dataclasses import replace
@@ -18,7 +18,7 @@ scene = replace(scene, array=replace(scene.array, elements=121), band=replace(sc
 sweep = mf.add_noise(mf.simulate(scene), snr_db=0.0, seed=3)
 
 # %%
-# Noise as strong as the signal in every single sample; focusing adds up four million of them.
+# In every single sample, the noise is as strong as the signal; but focusing adds up four million samples.
 
 image = mf.focus(sweep, tolerance=1e-3)
 presets = ("published", "default")

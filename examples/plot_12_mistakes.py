@@ -3,7 +3,8 @@ Classic mistakes, and how the data tells
 ========================================
 
 The wrong time convention, positions in millimetres, a cable left in: each ruins an image in its own way, and none is an
-error that a program could refuse. But echoes are waves, waves expand, and arrive no sooner than light. `mf.info` looks.
+error that a program could refuse. But echoes are waves: they expand, and arrive no sooner than light. `mf.info` tests
+for this.
 """
 
 from dataclasses import replace
@@ -20,7 +21,7 @@ scene = replace(scene, array=replace(scene.array, elements=81), band=replace(sce
 right = mf.add_noise(mf.simulate(scene), snr_db=20.0, seed=0)
 
 # %%
-# Four ways to spoil it.
+# The sweep as it should be, and three ways to spoil it.
 
 k = 2 * np.pi * right["frequency"].values[:, None, None] / speed_of_light
 sweeps = {
@@ -45,8 +46,8 @@ for title, sweep in sweeps.items():
         print(f"  -> {finding['fix']}")
 
 # %%
-# Noise is another matter: it ruins nothing, it hides. An echo must exceed a floor that leaves one false alarm in a
-# thousand images, so an image of noise holds no mirrors at all.
+# Noise is another matter: it does not ruin an image, but hides echoes. An echo must exceed a floor that leaves one
+# false alarm in a thousand images, so an image of noise holds no mirrors at all.
 
 noise = mf.add_noise(right, snr_db=-60.0, seed=1)
 nothing = mf.reconstruct(noise)

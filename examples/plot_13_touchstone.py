@@ -30,7 +30,7 @@ scene = parse_scene(
 sweep = mf.simulate(scene)
 
 # %%
-# 441 files `.s2p`, and a table of where the antennas stood.
+# 441 files `.s2p`, and a table of the places where the antennas stood.
 
 folder = TemporaryDirectory()
 scan = Path(folder.name) / "scan"
@@ -47,7 +47,7 @@ read = mf.import_data([scan], positions=table, parameter="S21")
 print("bit by bit the same:", bool(np.array_equal(read["s"].values, sweep["s"].values)))
 
 # %%
-# A look at the raw data: range profiles, then the image.
+# A look at the data: the mean range profile, then the image.
 
 facts = mf.info(read)
 profile = np.abs(np.fft.ifft(read["s"].values * np.hanning(161)[:, None, None], axis=0)).mean(axis=(1, 2))
