@@ -264,9 +264,9 @@ def block(name: str, first: int, cases: int, seconds: float, escapes: Path) -> d
         text=True,
         check=False,
     )
-    folder, _, said = done.stderr.partition("\n")
-    if said.strip():
-        print(said.strip(), flush=True)
+    folder, _, printed = done.stderr.partition("\n")
+    if printed.strip():
+        print(printed.strip(), flush=True)
     if done.returncode:  # it has died; its folder holds the number of the case
         current = Path(folder) / "current"
         if not current.is_file():

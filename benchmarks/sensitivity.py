@@ -286,14 +286,14 @@ def table(found: list[Result], cases: list[Case]) -> Table:
         failed = any(one.error for one in both)
         means = [abs(value) for side in moved for key, value in side.items() if key[2] == "mean"]
         effect = np.inf if failed else max(means, default=0.0)
-        said = verdict(moved, failed) + ("" if len(both) == 2 else ", one side")
+        judgement = verdict(moved, failed) + ("" if len(both) == 2 else ", one side")
         label = constant.label + names[both[0].how].removeprefix("unvaried")
-        rows.append((effect, [label, written(constant.value), said], both, moved))
-    for _, (label, own, said), both, moved in sorted(rows, key=lambda row: -row[0]):
+        rows.append((effect, [label, written(constant.value), judgement], both, moved))
+    for _, (label, own, judgement), both, moved in sorted(rows, key=lambda row: -row[0]):
         for one, side in zip(both, moved, strict=True):
             cells = [_signed(side[key]) if key in side else "" for key in columns]
-            result.add_row(label, own, written(one.value or 0), *cells, said, end_section=one is both[-1])
-            label = own = said = ""
+            result.add_row(label, own, written(one.value or 0), *cells, judgement, end_section=one is both[-1])
+            label = own = judgement = ""
     return result
 
 

@@ -231,13 +231,13 @@ def _numbers(rows: list[Row], plans: dict[tuple[str, float], Plan]) -> dict[str,
         plan, reached, broken = plans[material, power], 0, False
         for bounces in _counts(rows):
             wanted = (material, power, threshold, bounces)
-            of = [
+            selected = [
                 row
                 for row in rows
                 if (row["material"], row["power_dbm"], row["threshold_db"], row["bounces"]) == wanted
             ]
             for name in ("found", "completeness_cells", "completeness_5cm", "precision_cells", "median_m", "mean_m"):
-                mean = mean_error([row[name] for row in of])
+                mean = mean_error([row[name] for row in selected])
                 if mean is not None:
                     key = f"{case}_{bounces}_bounces_{name}"
                     numbers[key], numbers[f"{key}_error"] = mean
@@ -255,18 +255,18 @@ def _numbers(rows: list[Row], plans: dict[tuple[str, float], Plan]) -> dict[str,
             if known:
                 numbers[f"generation_{generation}_median_{name}"] = float(np.median(known))
     for threshold in THRESHOLDS:
-        of = [row for row in rows if row["threshold_db"] == threshold]
-        above = [row["found"] for row in of if row["plan_snr_db"] >= DETECTION_DB]
-        below = [row["found"] for row in of if row["plan_snr_db"] < DETECTION_DB]
+        selected = [row for row in rows if row["threshold_db"] == threshold]
+        above = [row["found"] for row in selected if row["plan_snr_db"] >= DETECTION_DB]
+        below = [row["found"] for row in selected if row["plan_snr_db"] < DETECTION_DB]
         for label, values in (("above", above), ("below", below)):
             share = mean_error(values)
             if share is not None:
                 key = f"threshold_{-threshold:.0f}_db_found_{label}_13_db"
                 numbers[key], numbers[f"{key}_error"] = share
-        lost = [float(any(angle is None for angle, _ in row["walls"])) for row in of if not row["found"]]
+        lost = [float(any(angle is None for angle, _ in row["walls"])) for row in selected if not row["found"]]
         if lost:
             numbers[f"threshold_{-threshold:.0f}_db_lost_for_want_of_a_wall"] = float(np.mean(lost))
-        needed = _needed_snr(of)
+        needed = _needed_snr(selected)
         if needed is not None:
             numbers[f"threshold_{-threshold:.0f}_db_snr_needed_db"] = needed
     return numbers
@@ -309,7 +309,7 @@ def _claims(numbers: dict[str, float | None], rows: list[Row]) -> tuple[Claim, .
         for name, digits in (("angle_deg", 2), ("offset_mm", 1))
     )
     needed = [numbers.get(f"threshold_{-threshold:.0f}_db_snr_needed_db") for threshold in THRESHOLDS]
-    said = ["not decided" if one is None else f"{one:.0f} dB" for one in needed]
+    answers = ["not decided" if one is None else f"{one:.0f} dB" for one in needed]
     return (
         Claim(
             claim="By way of how many walls, of five at most, is a target found, and how many does `plan` promise?",
@@ -336,7 +336,7 @@ def _claims(numbers: dict[str, float | None], rows: list[Row]) -> tuple[Claim, .
         Claim(
             claim="Which signal over noise, as `plan` predicts it, does a target need?",
             source="",
-            measured=f"{said[0]} with the usual threshold, {said[1]} with the lowered one",
+            measured=f"{answers[0]} with the usual threshold, {answers[1]} with the lowered one",
             verdict="new",
             why=f"The level with the fewest corridors on its wrong side; `plan` counts from {DETECTION_DB:g} dB on.",
         ),

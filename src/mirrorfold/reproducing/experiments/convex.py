@@ -66,14 +66,14 @@ def run(work: Work) -> Findings:
     )
     data["level_db"] = data["level_db"] - data["level_db"].sel(radius=np.inf)  # relative to a flat mirror in its place
     data["level_db"].attrs["units"] = "dB"
-    blind = []
+    scene_scores = []
     for number, seed in enumerate(seeds):
         scene: Any = draw("pillar", seed)
         sweep = work.sweep(scene, solver="rays", seed=seed)
-        blind.append(work.kept(partial(_blind, scene, sweep)))
+        scene_scores.append(work.kept(partial(_hidden_scores, scene, sweep)))
         work.step(len(radii) + number + 1, total)
-    for name in blind[0]:
-        data[name] = "scene", [one[name] for one in blind], {"units": "1"}
+    for name in scene_scores[0]:
+        data[name] = "scene", [one[name] for one in scene_scores], {"units": "1"}
     data["scene"] = "scene", list(seeds), {"long_name": "seed of the family"}
     shown: Any = scene if work.quick else shipped_plan("pillar")
     folded = mf.reconstruct(sweep if work.quick else work.sweep(shown))
@@ -115,7 +115,7 @@ def run(work: Work) -> Findings:
 
 def _target() -> Array:
     """Place of the point, (2,) [m]."""
-    return HIT + REST * _leaving()
+    return HIT + REST * _outgoing()
 
 
 def _normal() -> Array:
@@ -125,7 +125,7 @@ def _normal() -> Array:
     return np.asarray(-turn @ way)
 
 
-def _leaving() -> Array:
+def _outgoing() -> Array:
     """Unit vector along the last leg of the path, from the mirror to the point."""
     way, normal = unit(HIT), _normal()
     return np.asarray(way - 2.0 * (way @ normal) * normal)
@@ -178,17 +178,17 @@ def _ghost(radius: float, target: Array) -> tuple[Array, Array]:
 
 def _measured(work: Work, radius: float, *, points: int) -> dict[str, float]:
     """Growth of the cell, width, level and place of the point's ghost in one mirror."""
-    middle, leaving = _target(), _leaving()
+    middle, leaving = _target(), _outgoing()
     across = np.array([-leaving[1], leaving[0]])
-    ghosts, tops = [], []
+    ghosts, images = [], []
     for side in (0.0, 1.0, -1.0):
         target = middle + side * ASIDE * across
         ghosts.append(_ghost(radius, target)[0])
         sweep = work.sweep(_scene(radius, target, points=points), bounces=1)
-        tops.append(PointImage(sweep, ghosts[-1], REACH))
-    centre, way = tops[0], float(np.linalg.norm(ghosts[0]))
+        images.append(PointImage(sweep, ghosts[-1], REACH))
+    centre, way = images[0], float(np.linalg.norm(ghosts[0]))
     aside = np.array([-ghosts[0][1], ghosts[0][0]]) / way
-    moved = float(np.linalg.norm(unit(tops[1].top) - unit(tops[2].top))) * way
+    moved = float(np.linalg.norm(unit(images[1].top) - unit(images[2].top))) * way
     growth = pencil(radius)
     seen, shown = view_of(radius) if np.isfinite(radius) else (0.0, 0.0)
     return {
@@ -233,7 +233,7 @@ def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
     return float(seen), float(shown)
 
 
-def _blind(scene: Scene, sweep: xr.Dataset) -> dict[str, float]:
+def _hidden_scores(scene: Scene, sweep: xr.Dataset) -> dict[str, float]:
     """Hidden F-scores of reconstructions from the sweep alone, with and without a search for curved mirrors."""
     image = mf.focus(sweep, tolerance=1e-3)
     pillar: Any = next(surface for surface in scene.surface if surface.name == "pillar")

@@ -194,13 +194,13 @@ def _front_figure(body: Folded, bare: Folded, view: Facing, scene: Scene3D, step
     u, z = true["across"].values, true["height"].values
     fine = [np.arange(axis[0], axis[-1], plot_volume.CELL) for axis in (u, z)]
     shown = {"with the foil": body, "without it": bare}
-    power = plot_volume.smoothed_power(*_flat(body, view), *fine)
+    power = plot_volume.smoothed_power(*_front_view(body, view), *fine)
     reference = float(np.sqrt(np.nanmax(power)))
     figure = Figure(figsize=(12.0, 6.6), layout="constrained")
     panels = figure.subplots(1, 3, sharey=True)
-    foil = covered(view.flat(_under(scene, body)), u, z)
+    foil = covered(view.flat(_covered_by_foil(scene, body)), u, z)
     for ax, (title, one) in zip(panels, shown.items(), strict=False):
-        picture = plot_volume.draw_front(ax, *_flat(one, view), *fine, floor_db=FRONT_DB, reference=reference)
+        picture = plot_volume.draw_front(ax, *_front_view(one, view), *fine, floor_db=FRONT_DB, reference=reference)
         ax.contour(u, z, true, levels=[0.5], colors=TRUTH_COLOUR, linewidths=0.8)
         ax.contour(u, z, foil, levels=[0.5], colors="white", linewidths=0.8, linestyles="dotted")
         ax.set(title=title, xlabel="across [m]", aspect="equal", facecolor="0.92")
@@ -219,7 +219,7 @@ def _front_figure(body: Folded, bare: Folded, view: Facing, scene: Scene3D, step
     return figure
 
 
-def _flat(body: Folded, view: Facing) -> tuple[Array, Array, Array]:
+def _front_view(body: Folded, view: Facing) -> tuple[Array, Array, Array]:
     """Places of the points on the body, across and height [m], and the points' amplitudes."""
     mine = body.of("mannequin")
     return *view.flat(body.place[mine]).T, body.points["amplitude"].values[mine].astype(float)
@@ -234,7 +234,7 @@ def _predicted_contrast(scene: Scene3D) -> float:
     return float(10.0 * np.log10(shares[0] / shares[1]))
 
 
-def _under(scene: Scene3D, body: Folded) -> Array:
+def _covered_by_foil(scene: Scene3D, body: Folded) -> Array:
     """Samples of the true body that the foil covers, (n, 3) [m]."""
     foil = next(one for one in scene.surface if isinstance(one, Patch))
     frame = next(one for one in scene.surface if one.name == foil.on).frame.inverse

@@ -66,7 +66,7 @@ def run(work: Work) -> Findings:
     steps = 3 + len(families) * scenes
     moved = mirror_errors(range(draws))
     work.step(1, steps)
-    folded, apart = _folded_by_program(work)
+    folded, farthest = _folded_by_program(work)
     work.step(2, steps)
     antennas = antenna_errors(
         range(work.size(3, 1)), work.size(SPREADS, SPREADS[1:3]), elements=work.size(ELEMENTS, 81),
@@ -84,7 +84,7 @@ def run(work: Work) -> Findings:
             stated.append(work.kept(partial(_stated, sweep, scene)))
             work.step(3 + len(stated), steps)
     merged = {name: np.concatenate([one[name] for one in stated]) for name in stated[0]}
-    numbers = _numbers(moved, antennas, merged) | {"fold_program_over_formula": folded, "fold_difference_m": apart}
+    numbers = _numbers(moved, antennas, merged) | {"fold_program_over_formula": folded, "fold_difference_m": farthest}
     return Findings(
         claims=_claims(numbers),
         numbers=numbers,
@@ -208,7 +208,7 @@ def _folded_by_program(work: Work) -> tuple[float, float]:
 
     before = places(lines, None)
     known = {chain: (float(at[0]), float(at[1])) for chain, (at, _) in before.items()}
-    moved, expected, apart = [], [], 0.0
+    moved, expected, farthest = [], [], 0.0
     for _ in range(work.size(30, 2)):
         errors = random.standard_normal((len(lines), 2)) * (np.radians(ANGLE_DEG), OFFSET)
         ghost = unfolding(mirrors, CHAINS[-1]).inverse(target)
@@ -217,10 +217,10 @@ def _folded_by_program(work: Work) -> tuple[float, float]:
         for folds, chain in enumerate(before, 1):
             at, true = before[chain]
             formula = folded(at, list(given[:folds]))
-            apart = max(apart, float(np.linalg.norm(after[chain][1] - formula)))
+            farthest = max(farthest, float(np.linalg.norm(after[chain][1] - formula)))
             moved.append(float(np.sum((after[chain][1] - true) ** 2)))
             expected.append(float(np.sum((formula - true) ** 2)))
-    return float(np.sqrt(np.sum(moved) / np.sum(expected))), apart
+    return float(np.sqrt(np.sum(moved) / np.sum(expected))), farthest
 
 
 def _stated(sweep: xr.Dataset, scene: Scene) -> dict[str, list[float]]:

@@ -49,7 +49,7 @@ def run(work: Work) -> Findings:
         work.step(number, 2)
         points = confident_points(reconstruction)
         for chain, way in list(FOLDS.items())[: number + 1]:
-            seen = _of_post(points, chain)
+            seen = _echoes_of_post(points, chain)
             before, after = _distances(seen, chain)
             rows.append([scene.name, way, str(seen.sizes["point"]), f"{1e3 * before:.1f}", f"{1e3 * after:.1f}"])
             label = f"walls_{number}_bounces_{len(chain.split('/')) if chain else 0}"
@@ -95,7 +95,7 @@ def _scene(walls: dict[str, tuple[tuple[float, float], tuple[float, float]]], *,
     )
 
 
-def _of_post(points: xr.Dataset, chain: str) -> xr.Dataset:
+def _echoes_of_post(points: xr.Dataset, chain: str) -> xr.Dataset:
     """The echoes of objects that were assigned to a chain of mirrors and stand near the post's image in that chain."""
     place = np.column_stack([points["x_initial"], points["y_initial"]])
     near = np.linalg.norm(place - _image(chain), axis=-1) < REACH

@@ -162,8 +162,8 @@ def _time(sweep: xr.Dataset, shape: tuple[int, int], repeats: int) -> dict[str, 
     plan = FocusPlan(sweep, **grid)
     image = plan(samples)
 
-    rows_, columns_ = (max(1, size // PATCH) for size in shape)
-    patch = problem.on(problem.x[::columns_], problem.y[::rows_], problem.z)
+    row_step, column_step = (max(1, size // PATCH) for size in shape)
+    patch = problem.on(problem.x[::column_step], problem.y[::row_step], problem.z)
 
     jobs: dict[str, Callable[[], object]] = {
         "plan_s": lambda: FocusPlan(sweep, plans=PlanCache(), **grid),

@@ -130,13 +130,13 @@ def _line(height: float, length: float, degrees: float, seeds: int) -> dict[str,
     tx, rx = rough_scene.array.tx_position, rough_scene.array.rx_position
     incidence = np.arctan(np.abs(rx[None, :, 0] - tx[:, None, 0]) / (2.0 * DISTANCE))
     weight = np.abs(smooth) ** 2 / power
-    said = {
+    formulas = {
         name: float((weight * coherent_factor(height, frequency[:, None, None], incidence, correlation_length=L)).sum())
         for name, L in (("ament", None), ("corrected", length))
     }
     error = float(np.std(ratio, ddof=1) / np.sqrt(seeds))
     case = {"rms_height_m": height, "correlation_length_m": length, "incidence_deg": degrees}
-    return {**case, "measured": float(np.mean(ratio)), "standard_error": error, **said, "seeds": float(seeds)}
+    return {**case, "measured": float(np.mean(ratio)), "standard_error": error, **formulas, "seeds": float(seeds)}
 
 
 DISTANCE = 0.08
@@ -194,8 +194,8 @@ def _numbers(windows: list[Window], measured: list[dict[str, float]]) -> dict[st
     smoothest = min(height for height, _ in ROUGHNESSES)
     for label, height, degrees in (("smoothest_45", smoothest, 45.0), ("published_85", PAPER_ROUGHNESS[0], 85.0)):
         angle = np.radians(degrees)
-        left = float(coherent_factor(height, LIGHT, angle)) ** 2
-        numbers[f"{label}_deg_mirrored_light_db"] = _db(float(np.abs(GLOSSY.reflection(LIGHT, angle)) ** 2) * left)
+        coherent = float(coherent_factor(height, LIGHT, angle)) ** 2
+        numbers[f"{label}_deg_mirrored_light_db"] = _db(float(np.abs(GLOSSY.reflection(LIGHT, angle)) ** 2) * coherent)
     numbers["scattered_light_db"] = _db(float(np.abs(GLOSSY.reflection(LIGHT, OBLIQUE)) ** 2))
     for window in windows:
         key = f"{window.name}_{_roughness_key(window.roughness)}"

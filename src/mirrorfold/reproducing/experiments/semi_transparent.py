@@ -144,14 +144,14 @@ def _judged(scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Seq
         if decisions is not None:
             degrees = np.degrees(decisions.incidence)
             decisions = decisions.take((degrees >= ANGLES[0]) & (degrees < ANGLES[-1]))
-            good = decisions.truth & decisions.taken
+            rightly_passed = decisions.truth & decisions.taken
             row |= {
                 "right": (decisions.taken == decisions.truth).tolist(),
                 "doubtful": doubted(decisions.passed).tolist(),
                 "truth": decisions.truth.tolist(),
                 "incidence_deg": np.degrees(decisions.incidence).tolist(),
-                "before_m": decisions.before[good].tolist(),
-                "after_m": decisions.after[good].tolist(),
+                "before_m": decisions.before[rightly_passed].tolist(),
+                "after_m": decisions.after[rightly_passed].tolist(),
             }
             if method == "two":
                 row["ratio_db"] = _ratios(images, decisions.initial).tolist()

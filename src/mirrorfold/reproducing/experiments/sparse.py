@@ -135,9 +135,9 @@ def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example
     imaged = partial(_folded, sweep, setting)
     everything = imaged(s, s)
     scores = {"full": _score(everything, scene)}
-    left = s - model.all_samples(lsqr(model, s.ravel(), iter_lim=LSQR_ITERATIONS)[0])
+    residual = s - model.all_samples(lsqr(model, s.ravel(), iter_lim=LSQR_ITERATIONS)[0])
     # The share of the power that no reflectivities explain, less that of the noise; its root is one of the amplitude.
-    power = (np.linalg.norm(left) / np.linalg.norm(s)) ** 2 - 10.0 ** (-SNR_DB / 10.0)
+    power = (np.linalg.norm(residual) / np.linalg.norm(s)) ** 2 - 10.0 ** (-SNR_DB / 10.0)
     scores["scene"] = {"unexplained": float(np.sqrt(max(power, 0.0)))}
     falls, filled = [], []
     for kind in KINDS:

@@ -80,13 +80,13 @@ def run(work: Work) -> Findings:
         if number == 0:
             swept = _measured(ideal, drawn, seed), _measured(sphere, drawn, seed + 1)
             # At reduced size only a few transmitters go through files.
-            (read, of_sphere), apart = _through_files(swept, work.size(truth.array.elements, 4))
+            (read, of_sphere), largest_difference = _through_files(swept, work.size(truth.array.elements, 4))
             calibrated, worst = _calibrated(read, of_sphere, drawn)
             images = [mf.focus(one, x=np.arange(-1.0, 1.4, 5e-3), y=np.arange(0.6, 3.2, 5e-3), tolerance=1e-3)
                       for one in (mf.calibrate.remove_cable(read, CABLE), calibrated)]  # fmt: skip
             reconstruction, usual = _folded(calibrated)
             peaks = [float(np.abs(image.values).max()) for image in images]
-            row = _judged(reconstruction, usual, truth) | {"worst_delay_m": worst, "files_apart": apart}
+            row = _judged(reconstruction, usual, truth) | {"worst_delay_m": worst, "files_apart": largest_difference}
             row["uncalibrated_db"] = 20.0 * float(np.log10(peaks[0] / peaks[1]))
             rows.append(row)
             figures = {
@@ -187,17 +187,17 @@ def _through_files(sweeps: Sequence[xr.Dataset], count: int) -> tuple[list[xr.Da
     difference : float
         Largest difference between a sample that was written and the one that was read.
     """
-    read, apart = [], 0.0
+    read, largest_difference = [], 0.0
     with TemporaryDirectory() as folder:
         for number, sweep in enumerate(sweeps):
             scan, part = Path(folder) / f"scan-{number}", sweep.isel(tx=slice(count))
             table = mf.save_touchstone(part, scan)
             found = mf.import_data([scan], positions=table, parameter="S21")
-            apart = max(apart, float(np.abs(found["s"].values - part["s"].values).max()))
+            largest_difference = max(largest_difference, float(np.abs(found["s"].values - part["s"].values).max()))
             rest = sweep["s"].values[:, count:]
             s = np.concatenate([found["s"].values, rest], axis=1)
             read.append(found if not rest.size else sweep.assign(s=sweep["s"].copy(data=s)))
-    return read, apart
+    return read, largest_difference
 
 
 def _calibrated(sweep: xr.Dataset, sphere: xr.Dataset, drawn: Drawn) -> tuple[xr.Dataset, float]:

@@ -180,11 +180,11 @@ def arm_angles(points: Array, view: Facing) -> tuple[float, float]:
     aside = flat[:, 0] - np.median(flat[(share > UPPER) & (share < 0.78), 0])
     hanging = (share > LOWER) & (share < UPPER)
     length = WHOLE * (UPPER - LOWER) * height
-    left, right = (_lifted(flat[hanging & (side * aside > ASIDE * height)], side, length) for side in (-1.0, 1.0))
+    left, right = (_arm_angle(flat[hanging & (side * aside > ASIDE * height)], side, length) for side in (-1.0, 1.0))
     return left, right
 
 
-def _lifted(arm: Array, side: float, length: float) -> float:
+def _arm_angle(arm: Array, side: float, length: float) -> float:
     """Angle from the vertical, outwards [degree], of the line through the points (n, 2) [m] of an arm."""
     if len(arm) < FEWEST_OF_ARM or np.ptp(arm[:, 1]) < length:
         return float("nan")

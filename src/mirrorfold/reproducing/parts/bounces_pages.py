@@ -53,9 +53,10 @@ def found_by_snr(rows: Sequence[Row], detection_db: float) -> Figure:
     panels = figure.subplots(1, len(thresholds), sharey=True, squeeze=False)[0]
     for ax, threshold in zip(panels, thresholds, strict=True):
         for count in sorted({row["bounces"] for row in rows}):
-            of = [row for row in rows if row["bounces"] == count and row["threshold_db"] == threshold]
-            spread = np.random.default_rng(count).uniform(-0.7, 0.7, len(of))
-            ax.scatter([row["plan_snr_db"] for row in of] + spread, [row["completeness_cells"] for row in of], s=14,
+            selected = [row for row in rows if row["bounces"] == count and row["threshold_db"] == threshold]
+            spread = np.random.default_rng(count).uniform(-0.7, 0.7, len(selected))
+            ax.scatter([row["plan_snr_db"] for row in selected] + spread,
+                       [row["completeness_cells"] for row in selected], s=14,
                        color=COLOURS[count % len(COLOURS)], label=bounce_label(count))  # fmt: skip
         ax.axvline(detection_db, color="0.4", linestyle="--", linewidth=1.0)
         ax.text(detection_db + 0.7, 0.5, "seen, says plan", rotation=90, va="center", fontsize=8, color="0.3")

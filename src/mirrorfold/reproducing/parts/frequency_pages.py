@@ -58,10 +58,10 @@ def by_roughness(rows: Sequence[Row], roughnesses: Sequence[tuple[float, float]]
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     for colour, (height, length) in zip(COLOURS, roughnesses, strict=True):
-        of = [row for row in rows if row["group"] == "10 GHz" and np.isclose(row["rms_height"], height)]
+        selected = [row for row in rows if row["group"] == "10 GHz" and np.isclose(row["rms_height"], height)]
         label = f"{1e6 * height:.0f} um / {1e3 * length:.2g} mm"
-        _curve(left, of, "f_5cm", color=colour, label=label)
-        _curve(right, of, "both_walls", color=colour, label=label)
+        _curve(left, selected, "f_5cm", color=colour, label=label)
+        _curve(right, selected, "both_walls", color=colour, label=label)
     left.set(ylabel="hidden F-score within 5 cm", ylim=(-0.03, 1.05))
     right.set(ylabel="share of scenes with both walls found", ylim=(-0.03, 1.05))
     right.legend(fontsize=8, title="walls: rms height / correlation", title_fontsize=8, loc="lower center")
@@ -130,10 +130,16 @@ def against_waves(rows: Sequence[Row]) -> Figure:
     panels = figure.subplots(1, 2, sharey=True)
     for ax, name in zip(panels, ("f_5cm", "f_cells"), strict=True):
         for colour, group in ((COLOURS[0], "rays beside full waves"), (COLOURS[3], "full waves")):
-            of = [row for row in rows if row["group"] == group]
+            selected = [row for row in rows if row["group"] == group]
             label = "rays" if group.startswith("rays") else group
-            _curve(ax, of, name, color=colour, label=label)
-            ax.scatter([row["frequency"] / 1e9 for row in of], [row[name] for row in of], s=9, color=colour, alpha=0.5)
+            _curve(ax, selected, name, color=colour, label=label)
+            ax.scatter(
+                [row["frequency"] / 1e9 for row in selected],
+                [row[name] for row in selected],
+                s=9,
+                color=colour,
+                alpha=0.5,
+            )
         ax.set(ylim=(-0.03, 1.05))
         ax.set_title(SCORES[name], fontsize=10)
         _frequencies(ax)
@@ -148,16 +154,16 @@ def scene_table(rows: Sequence[Row]) -> Table:
     keys = list(dict.fromkeys(_key(row) for row in rows))
     lines = []
     for key in keys:
-        of = [row for row in rows if _key(row) == key]
+        selected = [row for row in rows if _key(row) == key]
         cells = []
         for name in ("f_2cm", "f_5cm", "f_cells", "both_walls", "angle_deg"):
-            found = mean_error([row[name] for row in of])
+            found = mean_error([row[name] for row in selected])
             digits = 3 if name == "angle_deg" else 2
             cells.append("-" if found is None else f"{found[0]:.{digits}f} +- {found[1]:.{digits}f}")
         group, material, f, bandwidth, aperture, height = key
-        cell = 1e3 * float(np.mean([row["cell_m"] for row in of]))
+        cell = 1e3 * float(np.mean([row["cell_m"] for row in selected]))
         radar = [f"{f / 1e9:.0f}", f"{bandwidth / 1e9:.3g}", f"{100 * aperture:.0f}"]
-        lines.append([group, material, *radar, f"{1e6 * height:.0f}", f"{cell:.0f}", str(len(of)), *cells])
+        lines.append([group, material, *radar, f"{1e6 * height:.0f}", f"{cell:.0f}", str(len(selected)), *cells])
     columns = [
         "scenes", "walls", "frequency [GHz]", "bandwidth [GHz]", "aperture [cm]", "rms height [um]", "cell [mm]",
         "count", "F, 2 cm", "F, 5 cm", "F, 1.5 cells", "both walls", "angle [degree]",

@@ -197,9 +197,9 @@ class Identified:
 
 def identified(reconstruction: xr.DataTree, scene: Scene) -> list[Identified]:
     """Every detected mirror, with the true face of which it is the image, in the order of the reconstruction."""
-    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    chains = mirror_chains(held)
-    lines = np.stack([held[name].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
+    table = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    chains = mirror_chains(table)
+    lines = np.stack([table[name].values for name in ("x0", "y0", "x1", "y1")], axis=-1).reshape(-1, 2, 2)
     faces, found = faces_of(scene), dict[str, Identified]()
     for chain, ends in sorted(zip(chains, lines, strict=True), key=lambda pair: pair[0].count("/")):
         parent = found.get(chain.rpartition("/")[0])

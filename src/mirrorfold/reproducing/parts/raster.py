@@ -82,14 +82,14 @@ def without_pictures(sweep: xr.Dataset) -> xr.DataTree:
 
 def walls_of(reconstruction: xr.DataTree) -> list[Wall]:
     """The mirrors that were found, at their true places."""
-    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     found = []
-    for i in range(held.sizes.get("mirror", 0)):
-        center, normal = (np.array([float(held[f"folded_{what}_{axis}"][i]) for axis in "xyz"]) for what in
+    for i in range(mirrors.sizes.get("mirror", 0)):
+        center, normal = (np.array([float(mirrors[f"folded_{what}_{axis}"][i]) for axis in "xyz"]) for what in
                           ("center", "normal"))  # fmt: skip
-        corners = np.stack([held[f"folded_corner_{axis}"].values[i] for axis in "xyz"], axis=-1)
-        error = float(held["angle_error"].values[i])
-        found.append(Wall(str(held["chain"].values[i]), center, normal, corners, error))
+        corners = np.stack([mirrors[f"folded_corner_{axis}"].values[i] for axis in "xyz"], axis=-1)
+        error = float(mirrors["angle_error"].values[i])
+        found.append(Wall(str(mirrors["chain"].values[i]), center, normal, corners, error))
     return found
 
 

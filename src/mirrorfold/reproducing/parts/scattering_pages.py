@@ -21,14 +21,14 @@ def by_frequency(data: xr.Dataset) -> Figure:
     frequency = data["frequency"].values / 1e9
     paper = ROUGHNESSES.index(PAPER_ROUGHNESS)
     for colour, name in zip(COLOURS, data["material"].values, strict=True):
-        of = data.sel(material=name).isel(roughness=paper)
-        left.plot(frequency, of["mirrored"], color=colour, label=str(name))
-        left.plot(frequency, of["scattered"], color=colour, linestyle="--")
+        selected = data.sel(material=name).isel(roughness=paper)
+        left.plot(frequency, selected["mirrored"], color=colour, label=str(name))
+        left.plot(frequency, selected["scattered"], color=colour, linestyle="--")
     left.set_title("materials, 50 um / 0.2 mm", fontsize=10)
     for colour, index in zip(COLOURS, range(len(ROUGHNESSES)), strict=True):
-        of = data.sel(material="concrete").isel(roughness=index)
-        right.plot(frequency, of["mirrored"], color=colour, label=_label(ROUGHNESSES[index]))
-        right.plot(frequency, of["scattered"], color=colour, linestyle="--")
+        selected = data.sel(material="concrete").isel(roughness=index)
+        right.plot(frequency, selected["mirrored"], color=colour, label=_label(ROUGHNESSES[index]))
+        right.plot(frequency, selected["scattered"], color=colour, linestyle="--")
     right.set_title("concrete, rms height / correlation length", fontsize=10)
     for ax in (left, right):
         ax.set(xscale="log", ylim=(-80, 3), xlabel="frequency [GHz]")
@@ -46,10 +46,10 @@ def by_angle(data: xr.Dataset) -> Figure:
     figure = Figure(figsize=(6.5, 4.2), layout="constrained")
     ax = figure.subplots()
     for colour, name in zip(COLOURS, data["material"].values, strict=True):
-        of = data.sel(material=name)
-        ax.plot(data["angle"], of["mirrored_te"], color=colour, label=str(name))
-        ax.plot(data["angle"], of["mirrored_tm"], color=colour, linestyle=":")
-        ax.plot(data["angle"], of["scattered_by_angle"], color=colour, linestyle="--")
+        selected = data.sel(material=name)
+        ax.plot(data["angle"], selected["mirrored_te"], color=colour, label=str(name))
+        ax.plot(data["angle"], selected["mirrored_tm"], color=colour, linestyle=":")
+        ax.plot(data["angle"], selected["scattered_by_angle"], color=colour, linestyle="--")
     ax.set(xlabel="angle of incidence [degree]", ylabel="share of the power [dB]", ylim=(-45, 2), xlim=(0, 85))
     ax.legend(fontsize=8, loc="lower left", ncols=2)
     ax.grid(alpha=0.2)

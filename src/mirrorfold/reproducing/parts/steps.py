@@ -36,8 +36,8 @@ FLOOR_DB = -40.0
 
 def generations(reconstruction: xr.DataTree) -> int:
     """The deepest generation of the mirrors that were found."""
-    held = reconstruction.children["mirrors"].to_dataset(inherit=False)["generation"].values
-    return int(held.max(initial=0))
+    table = reconstruction.children["mirrors"].to_dataset(inherit=False)["generation"].values
+    return int(table.max(initial=0))
 
 
 def partial_folds(reconstruction: xr.DataTree, generation: int) -> dict[str, Isometry]:
@@ -47,9 +47,9 @@ def partial_folds(reconstruction: xr.DataTree, generation: int) -> dict[str, Iso
     last mirror of the chain first, then at the mirror before it, and so on to the mirror of this generation. Echoes of
     shorter chains stay where they are.
     """
-    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    table = reconstruction.children["mirrors"].to_dataset(inherit=False)
     found = {"": Isometry.identity()}
-    lines = {chain: ends for chain, (ends, _) in zip(mirror_chains(held), mirror_lines(reconstruction, folded=False),
+    lines = {chain: ends for chain, (ends, _) in zip(mirror_chains(table), mirror_lines(reconstruction, folded=False),
                                                      strict=True)}  # fmt: skip
     for chain in sorted(lines, key=lambda name: name.count("/")):
         parent, ends = chain.rpartition("/")[0], lines[chain]
@@ -157,9 +157,9 @@ def _points(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
 
 def _mirrors(ax: Axes, reconstruction: xr.DataTree, generation: int) -> None:
     """Draw the mirrors, each folded by the chain by way of which it was seen, down to this generation."""
-    held = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    table = reconstruction.children["mirrors"].to_dataset(inherit=False)
     folds = partial_folds(reconstruction, generation)
-    lines = zip(mirror_chains(held), mirror_lines(reconstruction, folded=False), strict=True)
+    lines = zip(mirror_chains(table), mirror_lines(reconstruction, folded=False), strict=True)
     for chain, (ends, depth) in sorted(lines, key=lambda line: -line[1][1]):
         place: Array = folds[chain.rpartition("/")[0]](ends)
         width = 1.6 + 1.8 * (depth - 1)  # deeper ones are wider and drawn first: all of them show where they coincide

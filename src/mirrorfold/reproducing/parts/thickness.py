@@ -93,23 +93,23 @@ class Thickness:
         for i, depth in enumerate(self.depths):
             error = widths[i].std(ddof=1) / np.sqrt(widths[i].size)
             millimetres = depth, thickness(_profile(self.predicted[i])), _center(self.profiles[i].mean(axis=0))
-            told = [f"{1e3 * value:z.1f}" for value in (*millimetres, float(self.errors[i].mean()))]
-            rows.append([told[0], f"{1e3 * widths[i].mean():.1f} +- {1e3 * error:.1f}", *told[1:]])
+            results = [f"{1e3 * value:z.1f}" for value in (*millimetres, float(self.errors[i].mean()))]
+            rows.append([results[0], f"{1e3 * widths[i].mean():.1f} +- {1e3 * error:.1f}", *results[1:]])
         columns = ["scatters down to [mm]", f"thickness at -{TOLD_DB:g} dB [mm]", "predicted [mm]",
                    "centre of the echo, behind the face [mm]", "fitted plane, behind the face [mm]"]  # fmt: skip
         return Table(title="How thick the drywall appears", columns=columns, rows=rows)
 
     def dataset(self) -> xr.Dataset:
         """All profiles."""
-        power, meant = {"long_name": "power, relative to its maximum", "units": "1"}, {"units": "m"}
+        power, metres = {"long_name": "power, relative to its maximum", "units": "1"}, {"units": "m"}
         return xr.Dataset(
             {
                 "profile": (("volume_depth", "seed", "depth"), self.profiles, power),
                 "predicted": (("volume_depth", "depth"), self.predicted, power),
-                "thickness": (("volume_depth", "seed"), self.widths(), meant),
-                "face_error": (("volume_depth", "seed"), self.errors, meant),
+                "thickness": (("volume_depth", "seed"), self.widths(), metres),
+                "face_error": (("volume_depth", "seed"), self.errors, metres),
             },
-            coords={"volume_depth": ("volume_depth", list(self.depths), meant), "depth": ("depth", DEPTHS, meant)},
+            coords={"volume_depth": ("volume_depth", list(self.depths), metres), "depth": ("depth", DEPTHS, metres)},
         )
 
 
@@ -121,21 +121,21 @@ def measure_thickness(
     low = replace(scene, scanner=replace(scene.scanner, elevation=steps))
     low = replace(low, scanner=replace(low.scanner, azimuth=replace(_steps(low), points=BEAMS[0])))
     walls = [one for one in scene.surface if isinstance(one, Panel)]
-    told = []
+    results = []
     for depth in depths:
         bare = replace(low, surface=tuple(replace(one, volume_depth=depth) for one in walls))
         for seed in range(seeds):
-            told.append(work.kept(lambda bare=bare, seed=seed: _profile_of(bare, seed)))  # type: ignore[misc]
+            results.append(work.kept(lambda bare=bare, seed=seed: _profile_of(bare, seed)))  # type: ignore[misc]
             done += 1
             work.step(done, total)
-    table = np.array(told).reshape(len(depths), seeds, -1)
+    table = np.array(results).reshape(len(depths), seeds, -1)
     found, errors = table[..., 1:], table[..., 0]
     wall = walls[0]
     sight = np.array([0.0, 1.0, 0.0])
     cosine = float(abs(sight @ wall.normal) / np.linalg.norm(wall.normal))
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     shares = [float(diffuse_share(wall, frequency, np.array([cosine]), inside=inside)[0]) for inside in (False, True)]
-    predicted = np.array([_spread(found[0].mean(axis=0), wall, depth, *shares) for depth in depths])
+    predicted = np.array([_predicted_profile(found[0].mean(axis=0), wall, depth, *shares) for depth in depths])
     cell = HANN_TOLD * speed_of_light / (2.0 * (scene.band.stop - scene.band.start)) * cosine
     return Thickness(depths, found, errors, predicted, cell)
 
@@ -171,7 +171,7 @@ def _profile_of(scene: Scene3D, seed: int) -> list[float]:
     return [error, *(float(value) for value in wall_profile(mf.focus(sweep), face).values)]
 
 
-def _spread(face: Array, wall: Panel, depth: float, of_face: float, inside: float) -> Array:
+def _predicted_profile(face: Array, wall: Panel, depth: float, of_face: float, inside: float) -> Array:
     """The profile of a wall that scatters down to a depth [m], predicted from that of its face alone.
 
     `of_face` and `inside` are the shares of the power that are scattered on the face and inside the wall.

@@ -46,7 +46,7 @@ def corridor(bounces: int, seed: int, material: str) -> Scene:
                 "surface": _surfaces(random, bounces, material),
             }
         )
-        if _good(scene, bounces):
+        if _suitable(scene, bounces):
             return scene
     raise ValueError(f"no corridor of {bounces} bounces with seed {seed} in {DRAWS} draws")
 
@@ -104,7 +104,7 @@ def _direction(degrees: float) -> Array:
     return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
 
 
-def _good(scene: Scene, bounces: int) -> bool:
+def _suitable(scene: Scene, bounces: int) -> bool:
     """Whether surfaces keep `APART`, and this number of bounces shows `SHOWN` of the target, and fewer show nothing."""
     parts = [surface.sample(0.02)[0] for surface in scene.surface]
     for i, one in enumerate(parts):
