@@ -50,15 +50,8 @@ TRIALS = 2000
 ALLOWED = 0.01
 """Largest error of a folded point in the rule for a laboratory [m]: half a resolution width at -3 dB."""
 
-CLOSE = 0.1
-"""Largest relative difference at which a measured error agrees with its propagation."""
-
 FAMILIES = ("two walls", "three bounces")
 """Families of random scenes in which the errors that reconstructions state are judged."""
-
-MOST_ASTRAY = 3.0
-"""Number of standard errors by which a stated error may be too small before it is called wrong."""
-
 
 def run(work: Work) -> Findings:
     """Perturb given mirrors, then antennas; then compare the errors that reconstructions state with the true errors."""

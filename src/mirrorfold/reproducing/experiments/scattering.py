@@ -44,9 +44,8 @@ MICROWAVE, TERAHERTZ, LIGHT = 10e9, 300e9, 545e12
 GLOSSY = Dielectric(2.25, 0.0, 0.0, 0.0)
 """Walls at visible wavelengths: refractive index 1.5; those of minerals, glass and cellulose are 1.46 to 1.6."""
 
-RANGE, BANDWIDTH_SHARE, APERTURE, SEEN_DB = 3.0, 0.034, 0.08, 13.0
-"""For the link budget: range [m], bandwidth as a share of the frequency, aperture [m], and signal over noise from which
-a wall counts as visible [dB]."""
+RANGE, BANDWIDTH_SHARE, APERTURE = 3.0, 0.034, 0.08
+"""For the link budget: range [m], bandwidth as a share of the frequency, and aperture [m]."""
 
 CASES = ((0.05e-3, 0.2e-3, 0.0), (0.1e-3, 0.2e-3, 0.0), (0.1e-3, 0.2e-3, 45.0), (0.05e-3, 1e-3, 45.0))
 """Rms height [m], correlation length [m] and angle of incidence [degree] of the rough lines that full waves are solved
