@@ -101,7 +101,7 @@ def test_rays_in_tiles_give_the_same_sweep(monkeypatch):
     scene = room(11, 21)
     whole = mf.simulate(scene)["s"].values
     for count, nbytes in ((1, 1e4), (5, 1e5)):
-        monkeypatch.setattr(rays, "tiles_that_fit", lambda lit, limit, found=(count, nbytes): found)
+        monkeypatch.setattr(rays, "tiles_that_fit", lambda visible, limit, found=(count, nbytes): found)
         tiled = mf.simulate(scene)["s"].values
         assert np.linalg.norm(tiled - whole) <= 1e-6 * np.linalg.norm(whole)
     assert np.abs(whole).max() > 0.0
@@ -110,12 +110,12 @@ def test_rays_in_tiles_give_the_same_sweep(monkeypatch):
 def test_the_paths_that_are_counted_are_traced():
     scene = room(11, 21)
     found = estimate(scene)
-    lit = rays.light(scene, bounces=3, seed=0)
-    traced = sum(paths.point.size for paths in [*rays.diffuse_paths(scene, lit.world, lit.to_tx, lit.rough),
-                                                *rays.specular_paths(lit)])  # fmt: skip
+    visible = rays.find_visible(scene, bounces=3, seed=0)
+    diffuse = rays.diffuse_paths(scene, visible.outline, visible.to_tx, visible.scatterers)
+    traced = sum(paths.point.size for paths in [*diffuse, *rays.specular_paths(visible)])
     assert found.paths == pytest.approx(traced, rel=0.05)
-    assert found.scatterers == len(lit.rough)
-    assert sum(len(tile) for tile in lit.rough.tiles(7)) == found.scatterers
+    assert found.scatterers == len(visible.scatterers)
+    assert sum(len(tile) for tile in visible.scatterers.tiles(7)) == found.scatterers
     assert found.tiles == 1
 
 

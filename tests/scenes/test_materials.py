@@ -12,8 +12,8 @@ from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scenes.materials import VolumeProfile, coherent_factor, material, scattering_depth
 from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.speckle import freeze
-from mirrorfold.simulation.rays.outline import outline
-from mirrorfold.simulation.rays.scatterers import scatterers
+from mirrorfold.simulation.rays.outline import outline_of
+from mirrorfold.simulation.rays.scatterers import draw_scatterers
 
 DEPTH = 0.02
 BAND = {"start": 270e9, "stop": 300e9, "points": 11}
@@ -56,7 +56,7 @@ def space(**finish):
 
 def inside_of_plan(scene):
     """Depths [m] and powers [m] of the scatterers of both sides of a wall at y = 1 m."""
-    frozen = scatterers(scene, outline(scene), spacing=2e-4, seed=1)
+    frozen = draw_scatterers(scene, outline_of(scene), spacing=2e-4, seed=1)
     return np.abs(frozen.points.position[:, 1] - 1.0), np.abs(frozen.weight) ** 4
 
 

@@ -12,7 +12,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.simulation import simulate
 from mirrorfold.simulation.rays.curved import CurvedChain, CurvedPaths, trace_curved
-from mirrorfold.simulation.rays.outline import Outline, outline
+from mirrorfold.simulation.rays.outline import Outline, outline_of
 from mirrorfold.simulation.rays.paths import Points
 
 Array = NDArray[np.float64]
@@ -24,12 +24,16 @@ def arc(center: tuple[float, float], radius: float, middle: float, half: float) 
     return {"kind": "arc", "center": center, "radius": radius, **angles}
 
 
-def world_of(*surfaces: dict[str, Any]) -> Outline:
-    return outline(make_scene(*surfaces))
+def outline_with(*surfaces: dict[str, Any]) -> Outline:
+    return outline_of(make_scene(*surfaces))
 
 
-def traced(world: Outline, faces: tuple[tuple[int, int], ...], antenna: Array, point: Array) -> CurvedPaths:
-    return trace_curved(CurvedChain(faces, np.atleast_2d(antenna), world), Points.free(np.atleast_2d(point)))
+def traced(
+    outline: Outline, mirrors_and_sides: tuple[tuple[int, int], ...], antenna: Array, point: Array
+) -> CurvedPaths:
+    return trace_curved(
+        CurvedChain(mirrors_and_sides, np.atleast_2d(antenna), outline), Points.free(np.atleast_2d(point))
+    )
 
 
 def on_arc(surface: dict[str, Any], count: int) -> tuple[Array, Array, float]:
@@ -42,7 +46,7 @@ def on_arc(surface: dict[str, Any], count: int) -> tuple[Array, Array, float]:
 def test_convex_path_is_the_shortest_one_and_spreads_as_geometrical_optics_says() -> None:
     pillar = arc((0.2, 1.3), 0.2, -90.0, 90.0)
     a, p = np.array([0.0, 0.0]), np.array([0.9, 0.6])
-    paths = traced(world_of(pillar), ((0, 1),), a, p)
+    paths = traced(outline_with(pillar), ((0, 1),), a, p)
     points, outward, _ = on_arc(pillar, 400001)
     to_a, to_p = (np.linalg.norm(points - end, axis=1) for end in (a, p))
     best = int(np.argmin(to_a + to_p))
@@ -58,12 +62,12 @@ def test_convex_path_is_the_shortest_one_and_spreads_as_geometrical_optics_says(
 def test_concave_paths_are_all_stationary_ones() -> None:
     # Behind the caustic of a wide arc, a point is seen more than once.
     bay = arc((0.0, 0.0), 1.0, 90.0, 80.0)
-    world, a = world_of(bay), np.array([-0.2, -0.3])
+    outline, a = outline_with(bay), np.array([-0.2, -0.3])
     points, _, _ = on_arc(bay, 200_001)
     random = np.random.default_rng(1)
     numbers = []
     for p in random.uniform([-0.6, -0.5], [0.6, 0.5], (40, 2)):
-        paths = traced(world, ((0, -1),), a, p)
+        paths = traced(outline, ((0, -1),), a, p)
         length = np.linalg.norm(points - a, axis=1) + np.linalg.norm(points - p, axis=1)
         turns = np.flatnonzero(np.diff(np.sign(np.diff(length)))) + 1
         np.testing.assert_allclose(np.sort(paths.length), np.sort(length[turns]), rtol=1e-9)
@@ -80,12 +84,18 @@ def test_paths_over_flat_and_curved_mirrors_are_reciprocal_and_stationary(seed: 
     pillar = arc((0.6 + random.uniform(-0.1, 0.1), 1.3), random.uniform(0.05, 0.4), 200.0, 89.0)
     wall = {"kind": "segment", "start": (-0.8, 0.3), "end": (-0.9 + random.uniform(-0.1, 0.1), 2.9)}
     other = arc((-0.2, 2.6), random.uniform(0.05, 0.2), -70.0, 89.0)
-    world = world_of(wall, pillar, other)
+    outline = outline_with(wall, pillar, other)
     a, p = np.array([0.0, 0.0]), np.array([random.uniform(-0.5, 0.3), random.uniform(1.6, 2.0)])
     found = 0
-    for faces in (((1, 1), (0, 0)), ((0, 0), (1, 1)), ((1, 1), (2, 1)), ((2, 1), (1, 1)), ((1, 1), (0, 0), (2, 1))):
-        there = traced(world, faces, a, p)
-        back = traced(world, faces[::-1], p, a)
+    for mirrors_and_sides in (
+        ((1, 1), (0, 0)),
+        ((0, 0), (1, 1)),
+        ((1, 1), (2, 1)),
+        ((2, 1), (1, 1)),
+        ((1, 1), (0, 0), (2, 1)),
+    ):
+        there = traced(outline, mirrors_and_sides, a, p)
+        back = traced(outline, mirrors_and_sides[::-1], p, a)
         assert there.length.size == back.length.size <= 1
         if there.length.size:
             np.testing.assert_allclose(there.length, back.length, rtol=1e-12)
@@ -119,7 +129,7 @@ def test_field_of_a_concave_mirror_is_that_of_physical_optics(distance: float) -
     hit = np.array([0.0, 1.0])
     way = (hit - a) / np.linalg.norm(hit - a)
     p = hit + distance * way * [1.0, -1.0]
-    paths = traced(world_of(bay), ((0, -1),), a, p)
+    paths = traced(outline_with(bay), ((0, -1),), a, p)
     wavelength = 1e-3
     k = 2.0 * np.pi / wavelength
     points, outward, step = on_arc(bay, 400001)
@@ -135,7 +145,7 @@ def test_field_of_a_concave_mirror_is_that_of_physical_optics(distance: float) -
 def test_field_where_two_paths_meet_stays_finite() -> None:
     # Seen askew, the caustic is a fold: at it both paths are limited by Airy's integral.
     bay = arc((0.0, 0.0), 1.0, 90.0, 60.0)
-    world, a = world_of(bay), np.array([-0.6, 0.1])
+    outline, a = outline_with(bay), np.array([-0.6, 0.1])
     hit = np.array([np.sin(0.2), np.cos(0.2)])
     way = (hit - a) / np.linalg.norm(hit - a)
     out = way - 2.0 * (way @ hit) * hit
@@ -148,7 +158,7 @@ def test_field_where_two_paths_meet_stays_finite() -> None:
     levels = []
     for distance in (0.97 * focus, 0.999 * focus, 1.001 * focus, 1.03 * focus):
         p = hit + distance * out
-        paths = traced(world, ((0, -1),), a, p)
+        paths = traced(outline, ((0, -1),), a, p)
         to_points = [np.linalg.norm(points - end, axis=1) for end in (a, p)]
         incidence = np.sum((points - a) * outward, axis=1) / to_points[0]
         integrand = taper * incidence * np.exp(-1j * k * sum(to_points)) / np.sqrt(to_points[0] * to_points[1])

@@ -10,8 +10,8 @@ from scipy.constants import speed_of_light
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.materials import coherent_factor, material
 from mirrorfold.simulation import simulate
-from mirrorfold.simulation.rays.outline import outline
-from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE, DiffuseLaw, scatterers, specular_coefficient
+from mirrorfold.simulation.rays.outline import outline_of
+from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE, DiffuseLaw, draw_scatterers, specular_coefficient
 from mirrorfold.simulation.rays.sweep import scattered_field
 
 
@@ -20,7 +20,7 @@ def test_single_scatterer_has_the_two_way_amplitude_and_phase() -> None:
     scene = make_scene(segment((-0.0001, 1.0), (0.0001, 1.0), roughness=ROUGH), elements=4, pitch=0.01)
     bare = make_scene(segment((-0.0001, 1.0), (0.0001, 1.0)), elements=4, pitch=0.01)
     s = scattered_field(scene, bounces=0, seed=3)
-    rough = scatterers(scene, outline(scene), spacing=1e-3, seed=3)
+    rough = draw_scatterers(scene, outline_of(scene), spacing=1e-3, seed=3)
     below = rough.points.normal[:, 1] < 0.0
     assert below.sum() == 1
     offset = rough.points.position[below][0] - scene.array.tx_position[:, :2]

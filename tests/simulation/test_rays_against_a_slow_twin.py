@@ -11,23 +11,23 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.simulation.rays.outline import Outline, outline
-from mirrorfold.simulation.rays.scatterers import scatterers, specular_coefficient
+from mirrorfold.simulation.rays.outline import Outline, outline_of
+from mirrorfold.simulation.rays.scatterers import draw_scatterers, specular_coefficient
 from mirrorfold.simulation.rays.sweep import scattered_field
 
 
-def twin_crossings(p: np.ndarray, q: np.ndarray, world: Outline, obstacle: int) -> int:
+def twin_crossings(p: np.ndarray, q: np.ndarray, outline: Outline, obstacle: int) -> int:
     """How often the way p -> q crosses an obstacle away from its ends."""
     ray = q - p
     length = np.linalg.norm(ray)
-    if obstacle < len(world.facets):
-        start, end = world.facets[obstacle]
+    if obstacle < len(outline.facets):
+        start, end = outline.facets[obstacle]
         matrix = np.stack([ray, start - end], axis=1)
         if np.linalg.det(matrix) == 0.0:
             return 0
         t, u = np.linalg.solve(matrix, start - p)
         return int(1e-6 < t * length < length - 1e-6 and 0.0 <= u <= 1.0)
-    x, y, radius, first, span = world.arcs[obstacle - len(world.facets)]
+    x, y, radius, first, span = outline.arcs[obstacle - len(outline.facets)]
     offset = p - [x, y]
     count = 0
     for t in np.roots([ray @ ray, 2 * ray @ offset, offset @ offset - radius**2]):
@@ -37,14 +37,14 @@ def twin_crossings(p: np.ndarray, q: np.ndarray, world: Outline, obstacle: int) 
     return count
 
 
-def twin_path(antenna, point, chain, world, through=-1):
+def twin_path(antenna, point, chain, outline, through=-1):
     """Length, cosines at the mirrors, the last leg's other end; None where the point is not seen."""
     images = [antenna]
     for facet in chain:
-        images.append(reflect(images[-1], world.facets[facet][0], segment_normal(*world.facets[facet])))
+        images.append(reflect(images[-1], outline.facets[facet][0], segment_normal(*outline.facets[facet])))
     corners, cosines = [point], []
     for facet, image in zip(reversed(chain), reversed(images), strict=False):
-        start, end = world.facets[facet]
+        start, end = outline.facets[facet]
         matrix = np.stack([image - corners[-1], start - end], axis=1)
         if np.linalg.det(matrix) == 0.0:
             return None
@@ -56,9 +56,9 @@ def twin_path(antenna, point, chain, world, through=-1):
         corners.append(corners[-1] + t * ray)
     corners.append(antenna)
     for leg, (p, q) in enumerate(itertools.pairwise(corners)):
-        for obstacle in range(len(world.surface)):
+        for obstacle in range(len(outline.surface)):
             inside = leg == 0 and obstacle == through
-            if twin_crossings(p, q, world, obstacle) != inside:
+            if twin_crossings(p, q, outline, obstacle) != inside:
                 return None
     return np.linalg.norm(images[-1] - point), cosines, corners[1]
 
@@ -70,23 +70,23 @@ def twin_chains(facets: int, longest: int):
                 yield chain
 
 
-def twin_reflection(scene, world, chain, cosines, frequency):
+def twin_reflection(scene, outline, chain, cosines, frequency):
     product = 1.0 + 0.0j
     for facet, cosine in zip(chain, cosines, strict=True):
-        product = product * specular_coefficient(scene.surface[world.surface[facet]], frequency, cosine)
+        product = product * specular_coefficient(scene.surface[outline.surface[facet]], frequency, cosine)
     return product
 
 
-def twin_glints(scene, world, arc_index, tx, rx, chains, frequency):
+def twin_glints(scene, outline, arc_index, tx, rx, chains, frequency):
     """Glints of one arc between two antennas, from a dense scan of the path length."""
-    arc = world.arcs[arc_index]
-    surface = scene.surface[world.surface[len(world.facets) + arc_index]]
+    arc = outline.arcs[arc_index]
+    surface = scene.surface[outline.surface[len(outline.facets) + arc_index]]
     k = 2 * np.pi * frequency / speed_of_light
     total = 0.0
 
     def image(antenna, chain):
         for facet in chain:
-            antenna = reflect(antenna, world.facets[facet][0], segment_normal(*world.facets[facet]))
+            antenna = reflect(antenna, outline.facets[facet][0], segment_normal(*outline.facets[facet]))
         return antenna
 
     def at(angle):
@@ -108,7 +108,7 @@ def twin_glints(scene, world, arc_index, tx, rx, chains, frequency):
             point, outward = at(angle), np.array([np.cos(angle), np.sin(angle)])
             if ((a - point) @ outward) * ((b - point) @ outward) <= 0.0:
                 continue
-            one, two = twin_path(tx, point, out, world), twin_path(rx, point, back, world)
+            one, two = twin_path(tx, point, out, outline), twin_path(rx, point, back, outline)
             if one is None or two is None:
                 continue
             cosine = abs((a - point) @ outward) / one[0]
@@ -116,8 +116,8 @@ def twin_glints(scene, world, arc_index, tx, rx, chains, frequency):
             q = one[0] + two[0] + bend * 2 * one[0] * two[0] / (arc[2] * cosine)
             limit = np.sqrt(k / (2 * np.pi)) * cosine * arc[2] * arc[4] / np.sqrt(one[0] * two[0])
             total = total + (
-                twin_reflection(scene, world, out, one[1], frequency)
-                * twin_reflection(scene, world, back, two[1], frequency)
+                twin_reflection(scene, outline, out, one[1], frequency)
+                * twin_reflection(scene, outline, back, two[1], frequency)
                 * specular_coefficient(surface, frequency, cosine)
                 * min(1 / np.sqrt(abs(q)), limit.min())
                 * (1j if q < 0 else 1)
@@ -128,32 +128,35 @@ def twin_glints(scene, world, arc_index, tx, rx, chains, frequency):
 
 def twin_field(scene: Scene, *, bounces: int, seed: int, spacing: float) -> np.ndarray:
     """The scattered field path by path in float64, with every amplitude evaluated at every frequency."""
-    world = outline(scene)
+    outline = outline_of(scene)
     frequency = scene.band.frequency
     k = wavenumber(scene)
     tx, rx = scene.array.tx_position[:, :2], scene.array.rx_position[:, :2]
-    rough = scatterers(scene, world, spacing=spacing, seed=seed)
-    one_way = np.zeros((frequency.size, len(tx) + len(rx), len(rough.weight)), complex)
-    near = list(twin_chains(len(world.facets), bounces))
+    scatterers = draw_scatterers(scene, outline, spacing=spacing, seed=seed)
+    one_way = np.zeros((frequency.size, len(tx) + len(rx), len(scatterers.weight)), complex)
+    near = list(twin_chains(len(outline.facets), bounces))
     both = np.concatenate([tx, rx])
-    for (n, antenna), (p, point) in itertools.product(enumerate(both), enumerate(rough.points.position)):
+    for (n, antenna), (p, point) in itertools.product(enumerate(both), enumerate(scatterers.points.position)):
         for chain in near:
-            path = twin_path(antenna, point, chain, world, rough.points.through[p])
-            if path is None or (path[2] - point) @ rough.points.normal[p] <= 0.0:
+            path = twin_path(antenna, point, chain, outline, scatterers.points.enclosing_face[p])
+            if path is None or (path[2] - point) @ scatterers.points.normal[p] <= 0.0:
                 continue
-            cosine = (path[2] - point) @ rough.points.normal[p] / np.linalg.norm(path[2] - point)
-            factor = rough.laws[rough.law[p]].factor(frequency[:, None], np.array([cosine]))[:, 0] * rough.weight[p]
-            reflection = twin_reflection(scene, world, chain, path[1], frequency)
+            cosine = (path[2] - point) @ scatterers.points.normal[p] / np.linalg.norm(path[2] - point)
+            factor = (
+                scatterers.laws[scatterers.law[p]].factor(frequency[:, None], np.array([cosine]))[:, 0]
+                * scatterers.weight[p]
+            )
+            reflection = twin_reflection(scene, outline, chain, path[1], frequency)
             one_way[:, n, p] += factor * reflection * np.exp(-1j * k * path[0]) / np.sqrt(path[0])
     s = one_way[:, : len(tx)] @ one_way[:, len(tx) :].transpose(0, 2, 1)
     for (n, sender), (m, receiver) in itertools.product(enumerate(tx), enumerate(rx)):
-        for chain in twin_chains(len(world.facets), 2 * bounces):
-            path = twin_path(sender, receiver, chain, world) if chain else None
+        for chain in twin_chains(len(outline.facets), 2 * bounces):
+            path = twin_path(sender, receiver, chain, outline) if chain else None
             if path is not None:
-                reflection = twin_reflection(scene, world, chain, path[1], frequency)
+                reflection = twin_reflection(scene, outline, chain, path[1], frequency)
                 s[:, n, m] += reflection * np.exp(-1j * k * path[0]) / np.sqrt(path[0])
-        for arc in range(len(world.arcs)):
-            s[:, n, m] += twin_glints(scene, world, arc, sender, receiver, near, frequency)
+        for arc in range(len(outline.arcs)):
+            s[:, n, m] += twin_glints(scene, outline, arc, sender, receiver, near, frequency)
     return s
 
 

@@ -21,7 +21,7 @@ from mirrorfold.scenes.solids import Finish, Panel, Scene3D
 from mirrorfold.simulation.raster.meshes import Quad, Solid
 from mirrorfold.simulation.raster.speckle import kept_share
 from mirrorfold.simulation.rays.scatterers import named
-from mirrorfold.simulation.rays.slabs import LEAST, Series, reflected, transmitted
+from mirrorfold.simulation.rays.slabs import WEAKEST_WAVE, WaveSeries, reflected, transmitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,14 @@ def after_reflection(
 
 
 def _waves(
-    series: Series, finish: Finish, thickness: float, cosine: Array, towards: Array, frequency: float, *, through: bool
+    series: WaveSeries,
+    finish: Finish,
+    thickness: float,
+    cosine: Array,
+    towards: Array,
+    frequency: float,
+    *,
+    through: bool,
 ) -> list[Wave]:
     """The waves of a series, with the extra length L of each and the sideways shift ``dL/dt``.
 
@@ -153,8 +160,8 @@ def _waves(
 def one_after_another(waves: list[Wave], which: Index, later: list[Wave]) -> list[Wave]:
     """Waves to n points after those to some of the points, `which` (m,), have met a panel.
 
-    The panel splits each wave into the waves `later`, to m points. Waves whose amplitude is below `LEAST` at every
-    point are left out.
+    The panel splits each wave into the waves `later`, to m points. Waves whose amplitude is below `WEAKEST_WAVE` at
+    every point are left out.
     """
     found = []
     nothing = Wave(np.zeros(which.size, dtype=complex), np.zeros(which.size), np.zeros((which.size, 3)))
@@ -167,14 +174,14 @@ def one_after_another(waves: list[Wave], which: Index, later: list[Wave]) -> lis
             extra[which] += more.extra
             aside[which] += more.aside
             found.append(Wave(amplitude, extra, aside))
-    return [wave for wave in found if np.abs(wave.amplitude).max(initial=0.0) >= LEAST]
+    return [wave for wave in found if np.abs(wave.amplitude).max(initial=0.0) >= WEAKEST_WAVE]
 
 
 def there_and_back(waves: list[Wave]) -> list[Wave]:
     """Waves out and back: each pair of one wave on the way out and one on the way back.
 
     A pair has the product of the amplitudes, and the mean of the extra lengths and of the sideways shifts. Pairs of two
-    different waves count twice. Pairs below `LEAST` times the strongest amplitude are left out.
+    different waves count twice. Pairs below `WEAKEST_WAVE` times the strongest amplitude are left out.
     """
     found = []
     for number, out in enumerate(waves):
@@ -183,7 +190,7 @@ def there_and_back(waves: list[Wave]) -> list[Wave]:
             amplitude = twice * out.amplitude * back.amplitude
             found.append(Wave(amplitude, 0.5 * (out.extra + back.extra), 0.5 * (out.aside + back.aside)))
     loudest = max((float(np.abs(wave.amplitude).max(initial=0.0)) for wave in found), default=0.0)
-    return [wave for wave in found if np.abs(wave.amplitude).max(initial=0.0) >= LEAST * loudest]
+    return [wave for wave in found if np.abs(wave.amplitude).max(initial=0.0) >= WEAKEST_WAVE * loudest]
 
 
 def strength(waves: list[Wave], points: int) -> NDArray[np.float64]:

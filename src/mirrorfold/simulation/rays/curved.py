@@ -42,14 +42,14 @@ APART = 32
 """Fans are cast from every 32nd antenna: the places at which neighbouring antennas, half a wavelength apart, see a
 mirror differ by some mm only, so that Newton's method converges from the paths of one antenna to those of another."""
 
-MOST = 4
+MOST_PATHS = 4
 """Largest number of paths over one chain between an antenna and a point."""
 
 FOLD = 1.094
 """Where two paths merge at a caustic, their sum is Airy's integral at zero: each contributes ``2 Gamma(4/3) cos(pi/6) /
 sqrt(2)``, this factor, times ``(6 / (k |L'''|))^(1/3)``, with the third derivative L''' of the path length."""
 
-Face = tuple[int, int]
+MirrorSide = tuple[int, int]
 """A mirror: its number among the obstacles of an `Outline`, and its side: 0 flat, +1 outer, -1 inner side of an arc."""
 
 
@@ -92,19 +92,19 @@ class CurvedChain:
 
     Attributes
     ----------
-    faces : tuple of Face
+    mirrors_and_sides : tuple of MirrorSide
     antennas : (n, 2) array [m]
-    world : Outline
+    outline : Outline
     """
 
-    faces: tuple[Face, ...]
+    mirrors_and_sides: tuple[MirrorSide, ...]
     antennas: Array
-    world: Outline
+    outline: Outline
 
     @property
     def facets(self) -> tuple[int, ...]:
         """Numbers of the mirrors among the obstacles of the outline."""
-        return tuple(number for number, _ in self.faces)
+        return tuple(number for number, _ in self.mirrors_and_sides)
 
     @property
     def count(self) -> int:
@@ -125,20 +125,20 @@ class CurvedChain:
         the legs on which the flat mirrors are crossed and their places in the chain; `unfolded` and `flat`, the ends of
         the flat mirrors, unfolded and true, (f, 2, 2) [m].
         """
-        flat_count = len(self.world.facets)
+        flat_count = len(self.outline.facets)
         unfold = Isometry.identity()
         arcs: list[list[float]] = []
         arc_slot, leg, flat_slot, unfolded, flat = [], [], [], [], []
-        for slot, (number, side) in enumerate(self.faces):
+        for slot, (number, side) in enumerate(self.mirrors_and_sides):
             if number < flat_count:
-                ends = self.world.facets[number]
+                ends = self.outline.facets[number]
                 leg.append(len(arcs))
                 flat_slot.append(slot)
                 unfolded.append(unfold(ends))
                 flat.append(ends)
                 unfold = unfold @ Isometry.reflection(ends[0], segment_normal(*ends))
             else:
-                x, y, radius, first, span = self.world.arcs[number - flat_count]
+                x, y, radius, first, span = self.outline.arcs[number - flat_count]
                 center = unfold(np.array([x, y]))
                 arcs.append([*center, *unfold.linear.ravel(), radius, first, span, side, x, y])
                 arc_slot.append(slot)
@@ -277,7 +277,7 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
     unfold, arcs, *index, unfolded, flat = chain.unfolding
     target = unfold(points.position)
     fans = np.unique(np.append(np.arange(0, chain.count, APART), chain.count - 1))
-    start = np.zeros((fans.size, len(target), MOST, len(arcs)))
+    start = np.zeros((fans.size, len(target), MOST_PATHS, len(arcs)))
     count = np.zeros((fans.size, len(target)), dtype=np.int64)
     for i, antenna in enumerate(chain.antennas[fans]):
         fan = _fan(antenna, arcs)
@@ -285,9 +285,9 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
             starts(*fan, target, start[i], count[i])
     used = np.flatnonzero(count.any(axis=0))
     most = 2 * int(count.max(initial=0)) if fans.size > 1 else int(count.max(initial=0))
-    shape = (chain.count, used.size, min(most, MOST))
+    shape = (chain.count, used.size, min(most, MOST_PATHS))
     seen = np.zeros(shape, dtype=bool)
-    cosine, facts = np.empty((*shape, len(chain.faces))), np.empty((*shape, FACTS))
+    cosine, facts = np.empty((*shape, len(chain.mirrors_and_sides))), np.empty((*shape, FACTS))
     below = np.searchsorted(fans, np.arange(chain.count), side="right") - 1
     above = np.searchsorted(fans, np.arange(chain.count), side="left")
     if used.size:
@@ -301,14 +301,14 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
             count[:, used],
             points.position[used],
             points.normal[used],
-            points.through[used],
+            points.enclosing_face[used],
             target[used],
             arcs,
             *index,
             unfolded,
             flat,
-            chain.world.facets,
-            chain.world.arcs,
+            chain.outline.facets,
+            chain.outline.arcs,
             seen,
             cosine,
             facts,

@@ -67,41 +67,41 @@ class EdgeWaves:
     end_cosine: Array
 
 
-def edge_waves(tx_chains: Sequence[Chain], rx_chains: Sequence[Chain], world: Outline) -> Iterator[EdgeWaves]:
+def edge_waves(tx_chains: Sequence[Chain], rx_chains: Sequence[Chain], outline: Outline) -> Iterator[EdgeWaves]:
     """The edge waves of all ends of mirrors, out and back over the same chain.
 
     Parameters
     ----------
     tx_chains, rx_chains : sequences of Chain
         Chains from the transmitters and from the receivers.
-    world : Outline
+    outline : Outline
     """
     from_receivers = {chain.facets: chain for chain in rx_chains}
     for tx_chain in tx_chains:
         rx_chain = from_receivers.get(tx_chain.facets)
         if rx_chain is None:
             continue
-        for facet, (start, end) in enumerate(world.facets):
+        for facet, (start, end) in enumerate(outline.facets):
             if tx_chain.facets and tx_chain.facets[-1] == facet:
                 continue
             for edge, other in ((start, end), (end, start)):
-                waves = _waves(tx_chain, rx_chain, facet, edge, other, world)
+                waves = _waves(tx_chain, rx_chain, facet, edge, other, outline)
                 if waves.length.size:
                     yield waves
 
 
-def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Array, world: Outline) -> EdgeWaves:
+def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Array, outline: Outline) -> EdgeWaves:
     """The waves from the end `edge` of the mirror between `edge` and `other`."""
     inward = (other - edge) / np.linalg.norm(other - edge)
     normal = segment_normal(edge, other)
     lit = Points.free((edge + INSET * inward)[None])
-    there = trace(tx_chain, lit, world)
-    back = there if rx_chain is tx_chain else trace(rx_chain, lit, world)
+    there = trace(tx_chain, lit, outline)
+    back = there if rx_chain is tx_chain else trace(rx_chain, lit, outline)
     tx, rx = (i.ravel() for i in np.indices((there.antenna.size, back.antenna.size)))
     source, target = tx_chain.images[-1][there.antenna[tx]], rx_chain.images[-1][back.antenna[rx]]
     above, beyond = signed_distance(source, edge, normal), signed_distance(target, edge, normal)
     # Where another mirror joins at an angle that faces the antenna, the two form a corner, which has no edge wave.
-    joined = _inner_side(facet, edge, normal, world)
+    joined = _inner_side(facet, edge, normal, outline)
     keep = (above * beyond > TOUCH**2) & (np.sign(above) != joined)
     tx, rx, source, target, above, beyond = (a[keep] for a in (tx, rx, source, target, above, beyond))
     image = reflect(source, edge, normal)
@@ -123,9 +123,9 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
     )
 
 
-def _inner_side(facet: int, edge: Array, normal: Array, world: Outline) -> float:
+def _inner_side(facet: int, edge: Array, normal: Array, outline: Outline) -> float:
     """Side of the mirror (sign along `normal`) on which another mirror continues from the same point; 0 for none."""
-    for index, ends in enumerate(world.facets):
+    for index, ends in enumerate(outline.facets):
         at_edge = np.linalg.norm(ends - edge, axis=-1) < TOUCH
         if index != facet and at_edge.any():
             return float(np.sign((ends[int(np.argmin(at_edge))] - edge) @ normal))

@@ -122,7 +122,7 @@ def walk(
     target_y: float,
     normal_x: float,
     normal_y: float,
-    through: int,
+    enclosing_face: int,
     arcs: Array,
     angle: Array,
     arc_slot: NDArray[np.int64],
@@ -212,7 +212,7 @@ def walk(
                 bend = abs(high - low) / (2.0 * TURN * radius)
         growth += side * 2.0 * q / (radius * incidence)
         ux, uy = vx, vy
-    if shadowed(px, py, rx, ry, facets, obstacles, through):
+    if shadowed(px, py, rx, ry, facets, obstacles, enclosing_face):
         return False
     way = np.sqrt((rx - px) ** 2 + (ry - py) ** 2)
     facing = ((rx - px) * normal_x + (ry - py) * normal_y) / way
@@ -289,7 +289,7 @@ def trace_points(
     count: NDArray[np.int64],
     position: Array,
     normal: Array,
-    through: NDArray[np.int64],
+    enclosing_face: NDArray[np.int64],
     target: Array,
     arcs: Array,
     arc_slot: NDArray[np.int64],
@@ -340,7 +340,7 @@ def trace_points(
                         target[p, 1],
                         normal[p, 0],
                         normal[p, 1],
-                        through[p],
+                        enclosing_face[p],
                         arcs,
                         angle,
                         arc_slot,

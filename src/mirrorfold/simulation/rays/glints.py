@@ -28,7 +28,7 @@ STEPS, FLAT = 60, 1e-12
 """Method of false position: largest number of steps in such an interval, and slope at which it ends. Seven or eight
 steps usually suffice. The remaining slope causes an error of the path length of second order only."""
 
-MOST = 4
+MOST_SPECULAR_POINTS = 4
 """Largest number of specular points on a circle between two given points: Alhazen's problem is of fourth degree."""
 
 
@@ -68,14 +68,14 @@ class Glints:
     place: Array
 
 
-def sees_arc(chain: Chain, arc: Array, world: Outline) -> bool:
+def sees_arc(chain: Chain, arc: Array, outline: Outline) -> bool:
     """Whether any antenna sees one of `NODES` points of the arc (5,) over the chain."""
     angle = arc[3] + arc[4] * (np.arange(NODES) + 0.5) / NODES
     position = arc[:2] + arc[2] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return trace(chain, Points.free(position), world).length.size > 0
+    return trace(chain, Points.free(position), outline).length.size > 0
 
 
-def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glints:
+def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, outline: Outline) -> Glints:
     """All glints of an arc that the transmitters see over one chain and the receivers over another, or the same.
 
     Parameters
@@ -84,9 +84,9 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         As in `Outline`.
     tx_chain, rx_chain : Chain
         Chains from the antennas to the arc.
-    world : Outline
+    outline : Outline
     """
-    shape = (tx_chain.images.shape[1], rx_chain.images.shape[1], MOST)
+    shape = (tx_chain.images.shape[1], rx_chain.images.shape[1], MOST_SPECULAR_POINTS)
     share, distance = np.zeros(shape), np.empty((*shape, 2))
     cosine, convex = np.empty(shape), np.empty(shape)
     tx_cosine = np.empty((*shape, len(tx_chain.facets)))
@@ -106,8 +106,8 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, world: Outline) -> Glin
         rx_chain.images,
         rx_chain.window,
         rx_chain.mirrors,
-        world.shades,
-        world.arcs,
+        outline.shades,
+        outline.arcs,
         share,
         distance,
         cosine,
@@ -202,7 +202,10 @@ def _glints(
     first: int,
     last: int,
 ) -> None:
-    """Fill rows `first` to `last` of the (tx, rx, MOST) tables of glints; the share stays 0 where there is no glint."""
+    """Fill rows `first` to `last` of the tables of glints, (tx, rx, `MOST_SPECULAR_POINTS`).
+
+    The share stays 0 where there is no glint.
+    """
     for n in range(first, last):
         ax, ay = tx_images[-1, n, 0], tx_images[-1, n, 1]
         for m in range(rx_images.shape[1]):
@@ -210,7 +213,7 @@ def _glints(
             count = 0
             for node in range(NODES):
                 before, after = tx_slope[n, node] + rx_slope[m, node], tx_slope[n, node + 1] + rx_slope[m, node + 1]
-                if (before < 0.0) == (after < 0.0) or count == MOST:
+                if (before < 0.0) == (after < 0.0) or count == MOST_SPECULAR_POINTS:
                     continue
                 root = _root(angles[node], angles[node + 1], before, after, arc, ax, ay, bx, by)
                 nx, ny = np.cos(root), np.sin(root)

@@ -56,7 +56,7 @@ class Outline:
         return shades
 
 
-def outline(scene: Scene) -> Outline:
+def outline_of(scene: Scene) -> Outline:
     """The outline of a two-dimensional scene.
 
     Raises
@@ -173,7 +173,7 @@ def _crossings_arc(px: float, py: float, qx: float, qy: float, arc: Array) -> in
 
 
 @njit(error_model="numpy", nogil=True)
-def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Array, through: int) -> bool:
+def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Array, enclosing_face: int) -> bool:
     """Whether an obstacle blocks the straight segment p -> q.
 
     Parameters
@@ -181,14 +181,14 @@ def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Ar
     px, py, qx, qy : float [m]
     facets, arcs : (f, 2, 2) and (a, 5) arrays
         As in `Outline`.
-    through : int
+    enclosing_face : int
         Number of the obstacle that the segment has to cross exactly once, because p lies inside the wall whose face
         this obstacle is; -1 for none.
     """
     for i in range(facets.shape[0]):
-        if _crossings_facet(px, py, qx, qy, facets[i]) != (1 if i == through else 0):
+        if _crossings_facet(px, py, qx, qy, facets[i]) != (1 if i == enclosing_face else 0):
             return True
     for i in range(arcs.shape[0]):
-        if _crossings_arc(px, py, qx, qy, arcs[i]) != (1 if facets.shape[0] + i == through else 0):
+        if _crossings_arc(px, py, qx, qy, arcs[i]) != (1 if facets.shape[0] + i == enclosing_face else 0):
             return True
     return False

@@ -51,7 +51,7 @@ class Chain:
     window: Array
 
     @property
-    def faces(self) -> tuple[tuple[int, int], ...]:
+    def mirrors_and_sides(self) -> tuple[tuple[int, int], ...]:
         """Number and side of each mirror; the side is 0, as all mirrors of this chain are flat."""
         return tuple((facet, 0) for facet in self.facets)
 
@@ -74,14 +74,14 @@ class Points:
     position : (p, 2) array [m]
     normal : (p, 2) array
         Unit normal of the side from which the point is seen; zero where it is seen from all sides.
-    through : (p,) array of int
+    enclosing_face : (p,) array of int
         Number of the obstacle that a path has to cross to reach the point, as the face of the wall that the point lies
         in; -1 for none.
     """
 
     position: Array
     normal: Array
-    through: NDArray[np.int64]
+    enclosing_face: NDArray[np.int64]
 
     @classmethod
     def free(cls, position: Array) -> Points:
@@ -89,7 +89,7 @@ class Points:
         return cls(position, np.zeros_like(position), np.full(len(position), -1, dtype=np.int64))
 
 
-def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
+def chains(antennas: Array, outline: Outline, bounces: int) -> list[Chain]:
     """All chains of up to `bounces` mirrors over which any antenna sees a part of the last mirror.
 
     The line of sight, a chain without mirrors, comes first.
@@ -97,7 +97,7 @@ def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
     Parameters
     ----------
     antennas : (n, 2) array [m]
-    world : Outline
+    outline : Outline
     bounces : int
 
     Returns
@@ -109,17 +109,17 @@ def chains(antennas: Array, world: Outline, bounces: int) -> list[Chain]:
     generation = [Chain((), np.empty((0, 2, 2)), antennas[None], no_window)]
     found = list(generation)
     for _ in range(bounces):
-        longer = (_extend(chain, facet, world) for chain in generation for facet in range(len(world.facets)))
+        longer = (_extend(chain, facet, outline) for chain in generation for facet in range(len(outline.facets)))
         generation = [chain for chain in longer if chain is not None]
         found += generation
     return found
 
 
-def _extend(chain: Chain, facet: int, world: Outline) -> Chain | None:
+def _extend(chain: Chain, facet: int, outline: Outline) -> Chain | None:
     """The chain with one more mirror, or None if no antenna sees that mirror over the chain."""
     if chain.facets and chain.facets[-1] == facet:
         return None
-    start, end = world.facets[facet]
+    start, end = outline.facets[facet]
     image = chain.images[-1]
     normal = segment_normal(start, end)
     # An antenna on the line of the mirror sees the mirror edge-on: it reflects nothing then.
@@ -133,11 +133,11 @@ def _extend(chain: Chain, facet: int, world: Outline) -> Chain | None:
     first, last = np.where(lit, first, 0.0), np.where(lit, last, 0.0)
     ends = start + np.stack([first, last], axis=1)[..., None] * (end - start)
     window = np.where(lit[:, None, None], ends, np.nan)
-    if not _seen_by_any(window, chain.images, chain.window, chain.mirrors, world.shades, world.arcs):
+    if not _seen_by_any(window, chain.images, chain.window, chain.mirrors, outline.shades, outline.arcs):
         return None
     return Chain(
         facets=(*chain.facets, facet),
-        mirrors=np.concatenate([chain.mirrors, world.facets[facet][None]]),
+        mirrors=np.concatenate([chain.mirrors, outline.facets[facet][None]]),
         images=np.concatenate([chain.images, reflect(image, start, normal)[None]]),
         window=window,
     )
@@ -172,7 +172,7 @@ def _reached_part(start: Array, end: Array, image: Array, window: Array) -> tupl
 def follow(
     px: float,
     py: float,
-    through: int,
+    enclosing_face: int,
     antenna: int,
     images: Array,
     window: Array,
@@ -218,11 +218,11 @@ def follow(
         along_ray = ((ax - x) * sy - (ay - y) * sx) / denominator
         cosines[level - 1] = abs(denominator) / np.sqrt((dx * dx + dy * dy) * (sx * sx + sy * sy))
         hit_x, hit_y = x + along_ray * dx, y + along_ray * dy
-        if shadowed(x, y, hit_x, hit_y, facets, arcs, through):
+        if shadowed(x, y, hit_x, hit_y, facets, arcs, enclosing_face):
             return 0.0, length
         x, y = hit_x, hit_y
-        through = -1
-    if shadowed(x, y, images[0, antenna, 0], images[0, antenna, 1], facets, arcs, through):
+        enclosing_face = -1
+    if shadowed(x, y, images[0, antenna, 0], images[0, antenna, 1], facets, arcs, enclosing_face):
         return 0.0, length
     return share, length
 
@@ -275,14 +275,14 @@ class ChainPaths:
         return np.asarray(self.share / np.sqrt(self.length))[None]
 
 
-def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
+def trace(chain: Chain, points: Points, outline: Outline) -> ChainPaths:
     """All unobstructed paths from the antennas over the chain to the points.
 
     Parameters
     ----------
     chain : Chain
     points : Points
-    world : Outline
+    outline : Outline
         Mirrors and obstacles of the scene.
 
     Returns
@@ -298,12 +298,12 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
         shape[0],
         points.position,
         points.normal,
-        points.through,
+        points.enclosing_face,
         chain.images,
         chain.window,
         chain.mirrors,
-        world.shades,
-        world.arcs,
+        outline.shades,
+        outline.arcs,
         share,
         length,
         cosine,
@@ -317,7 +317,7 @@ def trace(chain: Chain, points: Points, world: Outline) -> ChainPaths:
 def _trace(
     position: Array,
     normal: Array,
-    through: NDArray[np.int64],
+    enclosing_face: NDArray[np.int64],
     images: Array,
     window: Array,
     mirrors: Array,
@@ -341,6 +341,6 @@ def _trace(
             if facing <= 0.0 and (normal[p, 0] != 0.0 or normal[p, 1] != 0.0):
                 continue
             share[n, p], length[n, p] = follow(
-                px, py, through[p], n, images, window, mirrors, facets, arcs, cosine[n, p]
+                px, py, enclosing_face[p], n, images, window, mirrors, facets, arcs, cosine[n, p]
             )
             end_cosine[n, p] = facing / length[n, p]

@@ -2,7 +2,7 @@
 
 Every function traces the paths of one kind and multiplies, for each path, the coefficients of all mirrors and walls on
 the way with the spreading of the wave. The amplitudes are evaluated at three frequencies, the `_knots`; `Paths`
-interpolates between them. A half-transparent wall turns one path into several, one for each wave of its `Series`.
+interpolates between them. A half-transparent wall turns one path into several, one for each wave of its `WaveSeries`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,15 @@ from mirrorfold.simulation.rays.outline import Outline
 from mirrorfold.simulation.rays.paths import Chain, ChainPaths, Points, trace
 from mirrorfold.simulation.rays.phasors import Paths
 from mirrorfold.simulation.rays.scatterers import Scatterers, named
-from mirrorfold.simulation.rays.slabs import Series, all_of, mirrored, passages, reflected, thickness_of, transmitted
+from mirrorfold.simulation.rays.slabs import (
+    WaveSeries,
+    passages,
+    product_of_series,
+    reflected,
+    reflected_in_turn,
+    thickness_of,
+    transmitted,
+)
 
 
 def _knots(band: Band) -> Array:
@@ -32,31 +40,31 @@ def _knots(band: Band) -> Array:
     return np.array([[band.start], [0.5 * (band.start + band.stop)], [band.stop]])
 
 
-def _traced(chain: Chain | CurvedChain, points: Points, world: Outline) -> ChainPaths:
+def _traced(chain: Chain | CurvedChain, points: Points, outline: Outline) -> ChainPaths:
     """The paths to points over a chain of flat mirrors, or over a chain with arcs."""
-    return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, world)
+    return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, outline)
 
 
-def _mirrors(scene: Scene, world: Outline, chain: Chain | CurvedChain, cosine: Array) -> Series:
+def _mirrors(scene: Scene, outline: Outline, chain: Chain | CurvedChain, cosine: Array) -> WaveSeries:
     """Waves after reflection at the mirrors of a chain, at the knots; `cosine` (mirrors, paths) of the incidence."""
-    surfaces = [scene.surface[world.surface[facet]] for facet in chain.facets]
-    return mirrored(surfaces, _knots(scene.band), cosine, named(scene.polarization))
+    surfaces = [scene.surface[outline.surface[facet]] for facet in chain.facets]
+    return reflected_in_turn(surfaces, _knots(scene.band), cosine, named(scene.polarization))
 
 
 def _walls(
-    scene: Scene, world: Outline, chain: Chain | CurvedChain, antenna: NDArray[np.intp], end: Array
-) -> list[Series]:
+    scene: Scene, outline: Outline, chain: Chain | CurvedChain, antenna: NDArray[np.intp], end: Array
+) -> list[WaveSeries]:
     """Waves that each half-transparent wall lets through, on paths from antennas over a chain to `end` (paths, 2)."""
-    if isinstance(chain, CurvedChain) or not world.slabs:
+    if isinstance(chain, CurvedChain) or not outline.slabs:
         return []
     return [
-        transmitted(scene.surface[world.surface[facet]], _knots(scene.band), cosine, named(scene.polarization))
-        for facet, cosine in passages(chain, antenna, end, world)
+        transmitted(scene.surface[outline.surface[facet]], _knots(scene.band), cosine, named(scene.polarization))
+        for facet, cosine in passages(chain, antenna, end, outline)
     ]
 
 
 def diffuse_paths(
-    scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rough: Scatterers
+    scene: Scene, outline: Outline, seen_over: Sequence[Chain | CurvedChain], scatterers: Scatterers
 ) -> list[Paths]:
     """The one-way paths from the antennas to the scatterers.
 
@@ -65,17 +73,17 @@ def diffuse_paths(
     """
     found = []
     for chain in seen_over:
-        paths = _traced(chain, rough.points, world)
-        walls = _walls(scene, world, chain, paths.antenna, rough.points.position[paths.point])
-        law_of_path = rough.law[paths.point]
+        paths = _traced(chain, scatterers.points, outline)
+        walls = _walls(scene, outline, chain, paths.antenna, scatterers.points.position[paths.point])
+        law_of_path = scatterers.law[paths.point]
         # A half-transparent wall scatters at its face, which lies half its thickness in front of the outline.
-        before = np.array([0.5 * (thickness_of(law.surface) or 0.0) for law in rough.laws])
+        before = np.array([0.5 * (thickness_of(law.surface) or 0.0) for law in scatterers.laws])
         ahead = before[law_of_path] * paths.end_cosine if before.any() else 0.0
-        for amplitude, extra in all_of(_mirrors(scene, world, chain, paths.cosine), *walls):
-            amplitude *= rough.weight[paths.point] * paths.spread(speed_of_light / _knots(scene.band))
+        for amplitude, extra in product_of_series(_mirrors(scene, outline, chain, paths.cosine), *walls):
+            amplitude *= scatterers.weight[paths.point] * paths.spread(speed_of_light / _knots(scene.band))
             for index in np.unique(law_of_path):
                 mine = law_of_path == index
-                amplitude[:, mine] *= rough.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
+                amplitude[:, mine] *= scatterers.laws[index].factor(_knots(scene.band), paths.end_cosine[mine])
             length = paths.length + extra - ahead
             found.append(
                 Paths.at_first_frequency(scene.band, chain.count, paths.antenna, paths.point, length, amplitude)
@@ -83,15 +91,15 @@ def diffuse_paths(
     return found
 
 
-def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain | CurvedChain], rx: Array) -> list[Paths]:
+def mirror_returns(scene: Scene, outline: Outline, seen_over: Sequence[Chain | CurvedChain], rx: Array) -> list[Paths]:
     """The paths from the transmitters over chains of mirrors to the receivers."""
     found = []
     receivers = Points.free(rx)
     for chain in seen_over:
-        paths = _traced(chain, receivers, world)
+        paths = _traced(chain, receivers, outline)
         if paths.length.size:
-            walls = _walls(scene, world, chain, paths.antenna, rx[paths.point])
-            for amplitude, extra in all_of(_mirrors(scene, world, chain, paths.cosine), *walls):
+            walls = _walls(scene, outline, chain, paths.antenna, rx[paths.point])
+            for amplitude, extra in product_of_series(_mirrors(scene, outline, chain, paths.cosine), *walls):
                 amplitude = amplitude * paths.spread(speed_of_light / _knots(scene.band))
                 length = paths.length + extra
                 found.append(
@@ -100,19 +108,19 @@ def mirror_returns(scene: Scene, world: Outline, seen_over: Sequence[Chain | Cur
     return found
 
 
-def edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
+def edge_returns(scene: Scene, outline: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
     """The waves diffracted at the ends of all mirrors, out and back over the same chain."""
     found = []
     back = {chain.facets: chain for chain in to_rx}
-    for waves in edge_waves(to_tx, to_rx, world):
-        surface = scene.surface[world.surface[waves.facet]]
+    for waves in edge_waves(to_tx, to_rx, outline):
+        surface = scene.surface[outline.surface[waves.facet]]
         end = np.broadcast_to(waves.edge, (waves.tx.size, 2))
-        met = all_of(
-            _mirrors(scene, world, waves.chain, waves.tx_cosine),
-            _mirrors(scene, world, waves.chain, waves.rx_cosine),
+        met = product_of_series(
+            _mirrors(scene, outline, waves.chain, waves.tx_cosine),
+            _mirrors(scene, outline, waves.chain, waves.rx_cosine),
             reflected(surface, _knots(scene.band), waves.end_cosine, named(scene.polarization)),
-            *_walls(scene, world, waves.chain, waves.tx, end),
-            *_walls(scene, world, back[waves.chain.facets], waves.rx, end),
+            *_walls(scene, outline, waves.chain, waves.tx, end),
+            *_walls(scene, outline, back[waves.chain.facets], waves.rx, end),
         )
         for coefficient, extra in met:
             spreading = edge_factor(waves, speed_of_light / _knots(scene.band))
@@ -123,23 +131,23 @@ def edge_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Se
     return found
 
 
-def glint_returns(scene: Scene, world: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
+def glint_returns(scene: Scene, outline: Outline, to_tx: Sequence[Chain], to_rx: Sequence[Chain]) -> list[Paths]:
     """The glints of all arcs, for every pair of a chain on the way out and a chain on the way back that see the arc."""
     found = []
-    for index, arc in enumerate(world.arcs):
-        surface = scene.surface[world.surface[len(world.facets) + index]]
-        tx_chains = [chain for chain in to_tx if sees_arc(chain, arc, world)]
-        rx_chains = tx_chains if to_rx is to_tx else [chain for chain in to_rx if sees_arc(chain, arc, world)]
+    for index, arc in enumerate(outline.arcs):
+        surface = scene.surface[outline.surface[len(outline.facets) + index]]
+        tx_chains = [chain for chain in to_tx if sees_arc(chain, arc, outline)]
+        rx_chains = tx_chains if to_rx is to_tx else [chain for chain in to_rx if sees_arc(chain, arc, outline)]
         for tx_chain, rx_chain in product(tx_chains, rx_chains):
-            glint = glints(arc, tx_chain, rx_chain, world)
+            glint = glints(arc, tx_chain, rx_chain, outline)
             if not glint.length.size:
                 continue
-            met = all_of(
-                _mirrors(scene, world, tx_chain, glint.tx_cosine),
-                _mirrors(scene, world, rx_chain, glint.rx_cosine),
+            met = product_of_series(
+                _mirrors(scene, outline, tx_chain, glint.tx_cosine),
+                _mirrors(scene, outline, rx_chain, glint.rx_cosine),
                 reflected(surface, _knots(scene.band), glint.end_cosine, named(scene.polarization)),
-                *_walls(scene, world, tx_chain, glint.tx, glint.place),
-                *_walls(scene, world, rx_chain, glint.rx, glint.place),
+                *_walls(scene, outline, tx_chain, glint.tx, glint.place),
+                *_walls(scene, outline, rx_chain, glint.rx, glint.place),
             )
             for coefficient, extra in met:
                 amplitude = coefficient * _glint_spreading(

@@ -172,17 +172,17 @@ class Scatterers:
         ends = np.linspace(0, len(self), count + 1).astype(int)
         for first, last in pairwise(ends):
             some = slice(first, last)
-            points = Points(self.points.position[some], self.points.normal[some], self.points.through[some])
+            points = Points(self.points.position[some], self.points.normal[some], self.points.enclosing_face[some])
             yield Scatterers(points, self.weight[some], self.law[some], self.laws)
 
 
-def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Scatterers:
+def draw_scatterers(scene: Scene, outline: Outline, *, spacing: float, seed: int) -> Scatterers:
     """Scatterers on all rough surfaces of a scene and inside its walls.
 
     Parameters
     ----------
     scene : Scene
-    world : Outline
+    outline : Outline
         Outline of the same scene.
     spacing : float [m]
         Largest mean distance of neighbouring scatterers along the outline; the mean power does not depend on it.
@@ -195,20 +195,20 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
     """
     laws: list[DiffuseLaw] = []
     parts: list[tuple[Array, Array, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64]]] = []
-    for obstacle, index in enumerate(world.surface):
+    for obstacle, index in enumerate(outline.surface):
         surface = scene.surface[index]
         # One random generator per obstacle: a change of another surface does not change the speckle of this one.
         generator = np.random.default_rng([seed, obstacle])
         for law in _laws(surface, scene):
             laws.append(law)
             for side in (1.0, -1.0):
-                foot, normal, length = _points_along(world, obstacle, side, spacing, generator)
+                foot, normal, length = _points_along(outline, obstacle, side, spacing, generator)
                 depth = np.zeros(len(foot))
                 if law.inside:
                     reach = surface.volume_depth
-                    if obstacle >= len(world.facets) and side > 0.0:
+                    if obstacle >= len(outline.facets) and side > 0.0:
                         # Behind the convex side of an arc the wall cannot extend deeper than the center of the arc.
-                        reach = min(reach, world.arcs[obstacle - len(world.facets), 2])
+                        reach = min(reach, outline.arcs[obstacle - len(outline.facets), 2])
                     depth = scattering_depth(surface.volume_profile, reach, generator.uniform(size=len(foot)))
                 gaussian = generator.standard_normal((len(foot), 2)) @ np.array([1.0, 1.0j]) * np.sqrt(0.5)
                 parts.append(
@@ -222,8 +222,8 @@ def scatterers(scene: Scene, world: Outline, *, spacing: float, seed: int) -> Sc
                 )
     if not parts:
         return Scatterers(Points.free(np.empty((0, 2))), np.empty(0, complex), np.empty(0, np.int64), ())
-    position, normals, through, weight, which = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Scatterers(Points(position, normals, through), weight, which, tuple(laws))
+    position, normals, enclosing_face, weight, which = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Scatterers(Points(position, normals, enclosing_face), weight, which, tuple(laws))
 
 
 def _laws(surface: Surface, scene: Scene) -> list[DiffuseLaw]:
@@ -243,22 +243,22 @@ def _laws(surface: Surface, scene: Scene) -> list[DiffuseLaw]:
 
 
 def _points_along(
-    world: Outline, obstacle: int, side: float, spacing: float, generator: np.random.Generator
+    outline: Outline, obstacle: int, side: float, spacing: float, generator: np.random.Generator
 ) -> tuple[Array, Array, float]:
     """Points on one side of an obstacle, one at a random place in each of n equal cells.
 
     Returns the points (n, 2) [m], their unit normals (n, 2), and the length of a cell [m]. `side` is +1 for the left
     side of a facet or the convex side of an arc, -1 for the other side.
     """
-    if obstacle < len(world.facets):
-        start, end = world.facets[obstacle]
+    if obstacle < len(outline.facets):
+        start, end = outline.facets[obstacle]
         length = float(np.linalg.norm(end - start))
     else:
-        x, y, radius, first, span = world.arcs[obstacle - len(world.facets)]
+        x, y, radius, first, span = outline.arcs[obstacle - len(outline.facets)]
         length = float(radius * span)
     cells = max(1, int(np.ceil(length / spacing)))
     along = (np.arange(cells) + generator.uniform(size=cells)) / cells
-    if obstacle < len(world.facets):
+    if obstacle < len(outline.facets):
         normal = np.array([start[1] - end[1], end[0] - start[0]]) / length
         return start + along[:, None] * (end - start), np.tile(side * normal, (cells, 1)), length / cells
     angle = first + span * along

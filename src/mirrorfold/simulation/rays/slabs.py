@@ -41,13 +41,13 @@ from mirrorfold.simulation.rays.outline import TOUCH, Outline
 from mirrorfold.simulation.rays.paths import Chain
 from mirrorfold.simulation.rays.scatterers import Faced, specular_coefficient
 
-LEAST = 3e-4
+WEAKEST_WAVE = 3e-4
 """Waves whose amplitude is below this share of the incident amplitude are left out."""
 
-MOST = 40
+MOST_TERMS = 40
 """Largest number of terms of each series: at 70 degrees in glass, TE, the amplitude falls by 5 dB from term to term."""
 
-Series = list[tuple[Complex, Array]]
+WaveSeries = list[tuple[Complex, Array]]
 """Waves that arrive one after another, each as its amplitudes (f, paths) at f frequencies and its extra lengths
 (paths,) [m]. In a floor plan the f frequencies are the three knots of the band."""
 
@@ -90,7 +90,7 @@ class _Faces:
         return cls((1.0 - r**2) * passage**2, r * within * way, way, across)
 
 
-def reflected(surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+def reflected(surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> WaveSeries:
     """Waves that a surface reflects, at frequencies (f, 1) [Hz] and cosines (paths,) of the angle of incidence.
 
     An opaque surface reflects one wave, a half-transparent wall a series.
@@ -100,15 +100,15 @@ def reflected(surface: Faced, frequency: Array, cosine: Array, polarization: Pol
     if thickness is None:
         return [(front, np.zeros(cosine.shape))]
     faces = _Faces.of(surface, frequency, cosine, polarization)
-    found: Series = [(front, -thickness * cosine)]
+    found: WaveSeries = [(front, -thickness * cosine)]
     term = -faces.entry * faces.around * faces.way
-    for m in range(1, MOST):
+    for m in range(1, MOST_TERMS):
         found.append((term, thickness * (2.0 * m * faces.across - cosine)))
         term = term * faces.around**2
-    return kept(found)
+    return above_threshold(found)
 
 
-def transmitted(surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+def transmitted(surface: Faced, frequency: Array, cosine: Array, polarization: Polarization) -> WaveSeries:
     """Waves that pass through a half-transparent wall, at frequencies (f, 1) [Hz] and cosines (paths,) of incidence.
 
     Paths whose cosine is NaN do not meet the wall, and stay unchanged as the first wave.
@@ -116,42 +116,44 @@ def transmitted(surface: Faced, frequency: Array, cosine: Array, polarization: P
     met = np.isfinite(cosine)
     cosine = np.where(met, cosine, 1.0)
     faces, thickness = _Faces.of(surface, frequency, cosine, polarization), thickness_of(surface) or 0.0
-    found: Series = []
+    found: WaveSeries = []
     term = faces.entry * faces.way
-    for m in range(MOST):
+    for m in range(MOST_TERMS):
         late = thickness * ((2.0 * m + 1.0) * faces.across - cosine)
         found.append((np.where(met, term, float(m == 0)), np.where(met, late, 0.0)))
         term = term * faces.around**2
-    return kept(found)
+    return above_threshold(found)
 
 
-def kept(series: Series) -> Series:
-    """The waves of a series with at least one path above `LEAST`; amplitudes of weaker paths are set to zero."""
+def above_threshold(series: WaveSeries) -> WaveSeries:
+    """The waves of a series with at least one path above `WEAKEST_WAVE`; amplitudes of weaker paths are set to zero."""
     found = []
     for amplitude, extra in series:
-        strong = np.abs(amplitude).max(axis=0, initial=0.0) >= LEAST
+        strong = np.abs(amplitude).max(axis=0, initial=0.0) >= WEAKEST_WAVE
         if strong.any():
             found.append((np.where(strong, amplitude, 0.0), extra))
     return found
 
 
-def all_of(*series: Series) -> Series:
+def product_of_series(*series: WaveSeries) -> WaveSeries:
     """The product of series: the waves that result when a wave meets one surface after another."""
     first, *others = series
     for other in others:
         both = [(a * b, late + later) for (a, late), (b, later) in product(first, other)]
-        first = kept(both) if len(both) > 1 else both
+        first = above_threshold(both) if len(both) > 1 else both
     return first
 
 
-def mirrored(surfaces: Sequence[Surface], frequency: Array, cosine: Array, polarization: Polarization) -> Series:
+def reflected_in_turn(
+    surfaces: Sequence[Surface], frequency: Array, cosine: Array, polarization: Polarization
+) -> WaveSeries:
     """Waves that result from reflection at several mirrors in turn, at cosines (mirrors, paths) of incidence."""
-    start: Series = [(np.ones((3, cosine.shape[1]), dtype=complex), np.zeros(cosine.shape[1]))]
+    start: WaveSeries = [(np.ones((3, cosine.shape[1]), dtype=complex), np.zeros(cosine.shape[1]))]
     each = [reflected(surface, frequency, at, polarization) for surface, at in zip(surfaces, cosine, strict=True)]
-    return all_of(start, *each)
+    return product_of_series(start, *each)
 
 
-def passages(chain: Chain, antenna: NDArray[np.intp], end: Array, world: Outline) -> list[tuple[int, Array]]:
+def passages(chain: Chain, antenna: NDArray[np.intp], end: Array, outline: Outline) -> list[tuple[int, Array]]:
     """The half-transparent walls that paths from antennas over a chain to their ends (paths, 2) [m] cross, leg by leg.
 
     Returns
@@ -168,8 +170,8 @@ def passages(chain: Chain, antenna: NDArray[np.intp], end: Array, world: Outline
             # Without a test for the ends of the mirror: rounding would lose paths that graze them.
             along = crossing(end, towards, start, stop)[0]
             hit = end + along[:, None] * (towards - end)
-        for facet in world.slabs:
-            start, stop = world.facets[facet]
+        for facet in outline.slabs:
+            start, stop = outline.facets[facet]
             along, place = crossing(end, hit, start, stop)
             length = np.linalg.norm(hit - end, axis=1)
             margin = TOUCH / np.maximum(length, TOUCH)

@@ -28,7 +28,7 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.rays.phasors import Paths, next_fields, points_of
 from mirrorfold.simulation.rays.returns import diffuse_paths
 from mirrorfold.simulation.rays.scatterers import Scatterers
-from mirrorfold.simulation.rays.tiles import Lit, light, specular_paths, tiles_that_fit
+from mirrorfold.simulation.rays.tiles import VisibleScene, find_visible, specular_paths, tiles_that_fit
 
 
 def scattered_field(
@@ -73,44 +73,46 @@ def scattered_field(
     InputError
         If the scene is not two-dimensional, has surfaces that rays cannot follow, or does not fit even in tiles.
     """
-    lit = light(scene, bounces=bounces, seed=seed, spacing=spacing, edges=edges, curved=curved)
-    count, field_bytes = tiles_that_fit(lit, memory_limit)
-    shape = scene.band.points, len(lit.tx), len(lit.rx)
+    visible = find_visible(scene, bounces=bounces, seed=seed, spacing=spacing, edges=edges, curved=curved)
+    count, field_bytes = tiles_that_fit(visible, memory_limit)
+    shape = scene.band.points, len(visible.tx), len(visible.rx)
     s = np.zeros(shape, dtype=np.complex64)
     count_up = counted(progress, count * shape[0])
-    for number, tile in enumerate(lit.rough.tiles(count)):
+    for number, tile in enumerate(visible.scatterers.tiles(count)):
         # Specular paths are made for the last tile only: made earlier, they would take memory from every tile.
-        specular = specular_paths(lit) if number == count - 1 else []
-        _add(s, lit, tile, specular, field_bytes, count_up)
+        specular = specular_paths(visible) if number == count - 1 else []
+        _add(s, visible, tile, specular, field_bytes, count_up)
     return s
 
 
 def _add(
     s: NDArray[np.complex64],
-    lit: Lit,
-    rough: Scatterers,
+    visible: VisibleScene,
+    scatterers: Scatterers,
     specular: list[Paths],
     field_bytes: float,
     progress: Callable[[int], None],
 ) -> None:
     """Add the returns of some scatterers and of some specular paths to the sweep `s`, in blocks of frequencies."""
-    from_tx = diffuse_paths(lit.scene, lit.world, lit.over_tx, rough)
-    from_rx = from_tx if lit.same_array else diffuse_paths(lit.scene, lit.world, lit.over_rx, rough)
+    from_tx = diffuse_paths(visible.scene, visible.outline, visible.over_tx, scatterers)
+    from_rx = (
+        from_tx if visible.same_array else diffuse_paths(visible.scene, visible.outline, visible.over_rx, scatterers)
+    )
     # Only scatterers that both a transmitter and a receiver see contribute.
     used = np.intersect1d(points_of(from_tx), points_of(from_rx)).astype(np.int32)
-    for pieces in (from_tx,) if lit.same_array else (from_tx, from_rx):
+    for pieces in (from_tx,) if visible.same_array else (from_tx, from_rx):
         for index in range(len(pieces)):  # one by one, so that no two copies of all of them exist
             pieces[index] = pieces[index].renumbered(used)
     frequencies, n_tx, n_rx = s.shape
-    block = lit.block(used.size, field_bytes)
+    block = visible.block(used.size, field_bytes)
     tx_field = np.empty((block, n_tx, used.size), dtype=np.complex64)
-    rx_field = tx_field if lit.same_array else np.empty((block, n_rx, used.size), dtype=np.complex64)
+    rx_field = tx_field if visible.same_array else np.empty((block, n_rx, used.size), dtype=np.complex64)
     returned = np.empty((block, n_tx, n_rx), dtype=np.complex64)
     for first in range(0, frequencies, block):
         part = s[first : first + block]
         at = slice(0, len(part))
         next_fields(from_tx, tx_field[at])
-        if not lit.same_array:
+        if not visible.same_array:
             next_fields(from_rx, rx_field[at])
         products(tx_field[at], rx_field[at].transpose(0, 2, 1), out=returned[at])
         part += returned[at]

@@ -22,14 +22,14 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.simulation.plane import in_plane
-from mirrorfold.simulation.rays.curved import MOST, CurvedChain
+from mirrorfold.simulation.rays.chains_with_arcs import LONGEST, ChainsWithArcs, chains_with_arcs, there_and_back
+from mirrorfold.simulation.rays.curved import MOST_PATHS, CurvedChain
 from mirrorfold.simulation.rays.fermat import FACTS
-from mirrorfold.simulation.rays.outline import Outline, outline
+from mirrorfold.simulation.rays.outline import Outline, outline_of
 from mirrorfold.simulation.rays.paths import Chain, chains
 from mirrorfold.simulation.rays.phasors import Paths, points_of
 from mirrorfold.simulation.rays.returns import diffuse_paths, edge_returns, glint_returns, mirror_returns
-from mirrorfold.simulation.rays.scatterers import Scatterers, scatterers
-from mirrorfold.simulation.rays.ways import LONGEST, Ways, there_and_back, ways
+from mirrorfold.simulation.rays.scatterers import Scatterers, draw_scatterers
 
 LONGEST_BLOCK = 16
 """Largest number of frequencies in a block: the fields of all its frequencies are computed together."""
@@ -41,7 +41,7 @@ FIELD_SHARE = 0.25
 """Share of the memory for paths and fields that the fields may take if memory is short."""
 
 WAVES = 8
-"""Number of waves above the threshold `LEAST` of `slabs` that a half-transparent wall makes of one, at most."""
+"""Number of waves above the threshold `WEAKEST_WAVE` of `slabs` that a half-transparent wall makes of one, at most."""
 
 COUNTED = 5
 """Number of transmitters, evenly chosen, whose paths are counted beforehand."""
@@ -77,13 +77,13 @@ REMEDY = "give fewer elements, frequencies, surfaces or bounces, close other pro
 
 
 @dataclass(frozen=True, eq=False)
-class Lit:
+class VisibleScene:
     """A scene with its scatterers and with the chains over which its antennas see: all that is needed to trace paths.
 
     Attributes
     ----------
     scene : Scene
-    world : Outline
+    outline : Outline
     tx, rx : (n, 2) arrays [m]
         Positions of transmitters and receivers.
     tx_chains : list of Chain
@@ -92,27 +92,27 @@ class Lit:
     to_tx, to_rx : list of Chain
         Chains from the transmitters, and from the receivers, over up to `bounces` flat mirrors; the same list if both
         stand at the same places.
-    tx_ways, rx_ways : Ways
+    tx_chains_with_arcs, rx_chains_with_arcs : ChainsWithArcs
         Chains with arcs among their few mirrors; the same object if both stand at the same places.
     over_arcs : list of CurvedChain
         Chains from the transmitters to the receivers with two reflections at arcs or more.
-    rough : Scatterers
+    scatterers : Scatterers
     edges : bool
         Whether the ends of mirrors radiate edge waves.
     """
 
     scene: Scene
-    world: Outline
+    outline: Outline
     tx: Array
     rx: Array
     tx_chains: Sequence[Chain]
     bounces: int
     to_tx: Sequence[Chain]
     to_rx: Sequence[Chain]
-    tx_ways: Ways
-    rx_ways: Ways
+    tx_chains_with_arcs: ChainsWithArcs
+    rx_chains_with_arcs: ChainsWithArcs
     over_arcs: Sequence[CurvedChain]
-    rough: Scatterers
+    scatterers: Scatterers
     edges: bool
 
     @property
@@ -123,12 +123,12 @@ class Lit:
     @property
     def over_tx(self) -> list[Chain | CurvedChain]:
         """Chains over which the transmitters see scatterers."""
-        return [*self.to_tx, *self.tx_ways.chains]
+        return [*self.to_tx, *self.tx_chains_with_arcs.chains]
 
     @property
     def over_rx(self) -> list[Chain | CurvedChain]:
         """Chains over which the receivers see scatterers."""
-        return [*self.to_rx, *self.rx_ways.chains]
+        return [*self.to_rx, *self.rx_chains_with_arcs.chains]
 
     @property
     def antennas(self) -> int:
@@ -149,11 +149,13 @@ class Lit:
             tx=self.tx[some],
             tx_chains=[chain.of(some) for chain in self.tx_chains],
             to_tx=[chain.of(some) for chain in self.to_tx],
-            tx_ways=replace(self.tx_ways, chains=[chain.of(some) for chain in self.tx_ways.chains]),
+            tx_chains_with_arcs=replace(
+                self.tx_chains_with_arcs, chains=[chain.of(some) for chain in self.tx_chains_with_arcs.chains]
+            ),
             over_arcs=[chain.of(some) for chain in self.over_arcs],
         )
         times = len(self.tx) / some.size
-        pieces = diffuse_paths(self.scene, self.world, few.over_tx, self.rough)
+        pieces = diffuse_paths(self.scene, self.outline, few.over_tx, self.scatterers)
         found = [paths.point.size for paths in specular_paths(few)]
         return Counts(
             diffuse=times * sum(paths.point.size for paths in pieces) * self.antennas / len(self.tx),
@@ -166,18 +168,18 @@ class Lit:
     @property
     def most(self) -> Counts:
         """Numbers of paths if every antenna saw every point over every chain: an upper bound."""
-        pairs, arcs, ends = len(self.tx) * len(self.rx), len(self.world.arcs), 2 * len(self.world.facets)
-        each = MOST if self.tx_ways.chains or self.over_arcs else 1  # paths over one sequence
-        each *= WAVES ** len(self.world.slabs)
+        pairs, arcs, ends = len(self.tx) * len(self.rx), len(self.outline.arcs), 2 * len(self.outline.facets)
+        each = MOST_PATHS if self.tx_chains_with_arcs.chains or self.over_arcs else 1  # paths over one sequence
+        each *= WAVES ** len(self.outline.slabs)
         seen = len(self.tx) * len(self.over_tx) + (0 if self.same_array else len(self.rx) * len(self.over_rx))
         back = len(self.tx_chains) + len(self.over_arcs)
         back += ends * len(self.to_tx) + arcs * len(self.to_tx) * len(self.to_rx)
         return Counts(
-            diffuse=float(each * len(self.rough) * seen),
-            largest=float(each * len(self.rough) * max(len(self.tx), len(self.rx))),
+            diffuse=float(each * len(self.scatterers) * seen),
+            largest=float(each * len(self.scatterers) * max(len(self.tx), len(self.rx))),
             specular=float(each * pairs * back),
             largest_specular=float(each * pairs),
-            used=len(self.rough),
+            used=len(self.scatterers),
         )
 
 
@@ -219,9 +221,9 @@ class RayEstimate(Record):
     remarks: list[str] = fact("sentences on what looks wrong")
 
 
-def light(
+def find_visible(
     scene: Scene, *, bounces: int, seed: int, spacing: float | None = None, edges: bool = True, curved: bool = True
-) -> Lit:
+) -> VisibleScene:
     """Find the chains of mirrors of a scene and draw its scatterers; parameters as in `scattered_field`.
 
     Raises
@@ -230,49 +232,65 @@ def light(
         If the scene is not two-dimensional, or has surfaces that rays cannot follow.
     """
     tx, rx = in_plane(scene.array.tx_position), in_plane(scene.array.rx_position)
-    world = outline(scene)
-    tx_chains = chains(tx, world, 2 * bounces)
+    outline = outline_of(scene)
+    tx_chains = chains(tx, outline, 2 * bounces)
     to_tx = [chain for chain in tx_chains if len(chain.facets) <= bounces]
     same_array = np.array_equal(tx, rx)
-    to_rx = to_tx if same_array else chains(rx, world, bounces)
-    tx_ways = ways(tx, world, to_tx, bounces * curved)
-    rx_ways = tx_ways if same_array else ways(rx, world, to_rx, bounces * curved)
-    over_arcs = list(there_and_back(tx_ways, rx_ways, tx, world))
+    to_rx = to_tx if same_array else chains(rx, outline, bounces)
+    tx_chains_with_arcs = chains_with_arcs(tx, outline, to_tx, bounces * curved)
+    rx_chains_with_arcs = tx_chains_with_arcs if same_array else chains_with_arcs(rx, outline, to_rx, bounces * curved)
+    over_arcs = list(there_and_back(tx_chains_with_arcs, rx_chains_with_arcs, tx, outline))
     spacing = speed_of_light / float(scene.band.frequency.mean()) if spacing is None else spacing
-    rough = scatterers(scene, world, spacing=spacing, seed=seed)
-    return Lit(scene, world, tx, rx, tx_chains, bounces, to_tx, to_rx, tx_ways, rx_ways, over_arcs, rough, edges)
+    scatterers = draw_scatterers(scene, outline, spacing=spacing, seed=seed)
+    return VisibleScene(
+        scene,
+        outline,
+        tx,
+        rx,
+        tx_chains,
+        bounces,
+        to_tx,
+        to_rx,
+        tx_chains_with_arcs,
+        rx_chains_with_arcs,
+        over_arcs,
+        scatterers,
+        edges,
+    )
 
 
-def specular_paths(lit: Lit) -> list[Paths]:
+def specular_paths(visible: VisibleScene) -> list[Paths]:
     """The paths of all purely specular returns: over mirrors, glints of arcs, and edge waves."""
-    scene, world = lit.scene, lit.world
-    found = mirror_returns(scene, world, [*lit.tx_chains[1:], *lit.over_arcs], lit.rx)
-    found += glint_returns(scene, world, lit.to_tx, lit.to_rx)
-    if lit.edges:
+    scene, outline = visible.scene, visible.outline
+    found = mirror_returns(scene, outline, [*visible.tx_chains[1:], *visible.over_arcs], visible.rx)
+    found += glint_returns(scene, outline, visible.to_tx, visible.to_rx)
+    if visible.edges:
         # A chain out, the mirror with the end, the chain back: one mirror more than twice the length of the chain.
-        shorter = ([c for c in to if len(c.facets) < lit.bounces] for to in (lit.to_tx, lit.to_rx))
-        found += edge_returns(scene, world, *shorter)
+        shorter = ([c for c in to if len(c.facets) < visible.bounces] for to in (visible.to_tx, visible.to_rx))
+        found += edge_returns(scene, outline, *shorter)
     return found
 
 
-def tiled_parts(lit: Lit, tiles: int, field_bytes: float = BLOCK_BYTES, counts: Counts | None = None) -> Parts:
+def tiled_parts(
+    visible: VisibleScene, tiles: int, field_bytes: float = BLOCK_BYTES, counts: Counts | None = None
+) -> Parts:
     """What a simulation in `tiles` tiles keeps in memory at the moment of largest demand, by name [B]."""
-    counts, pairs = counts or lit.counts, float(len(lit.tx) * len(lit.rx))
-    held = {"sweep": 8.0 * pairs * lit.scene.band.points}
+    counts, pairs = counts or visible.counts, float(len(visible.tx) * len(visible.rx))
+    held = {"sweep": 8.0 * pairs * visible.scene.band.points}
     to_scatterers = {"paths to scatterers": PATH_BYTES * counts.diffuse / tiles}
-    points = float(len(lit.rough)) * max(len(lit.tx), len(lit.rx)) / tiles
-    table = TRACED_BYTES + MIRROR_BYTES * lit.bounces
-    if lit.tx_ways.chains or lit.rx_ways.chains:
+    points = float(len(visible.scatterers)) * max(len(visible.tx), len(visible.rx)) / tiles
+    table = TRACED_BYTES + MIRROR_BYTES * visible.bounces
+    if visible.tx_chains_with_arcs.chains or visible.rx_chains_with_arcs.chains:
         table = max(table, CURVED_BYTES)
     found = table - TRACED_BYTES + FOUND_BYTES
     largest = counts.largest / tiles
     tracing = {"tracing": max(table * points + found * largest, WORKED_BYTES * largest)}
     back = {"specular paths": PATH_BYTES * counts.specular}
-    back_table = table + MIRROR_BYTES * lit.bounces
+    back_table = table + MIRROR_BYTES * visible.bounces
     tracing_back = {"tracing": max(back_table * pairs, WORKED_BYTES * counts.largest_specular)}
     columns = int(np.ceil(counts.used / tiles))
-    each = 8.0 * (lit.antennas * columns + 2.0 * pairs)
-    fields = {"fields": lit.block(columns, field_bytes) * each}
+    each = 8.0 * (visible.antennas * columns + 2.0 * pairs)
+    fields = {"fields": visible.block(columns, field_bytes) * each}
     return fullest(
         held | back | to_scatterers | tracing,
         held | back | tracing_back,
@@ -281,7 +299,7 @@ def tiled_parts(lit: Lit, tiles: int, field_bytes: float = BLOCK_BYTES, counts: 
     )
 
 
-def tiles_that_fit(lit: Lit, limit: float | None) -> tuple[int, float]:
+def tiles_that_fit(visible: VisibleScene, limit: float | None) -> tuple[int, float]:
     """The fewest tiles that fit into the memory, and the size that the fields of a block may have [B].
 
     Raises
@@ -290,20 +308,21 @@ def tiles_that_fit(lit: Lit, limit: float | None) -> tuple[int, float]:
         If no number of tiles up to `MOST_TILES` fits.
     """
     room = ROOM_SHARE * room_below(limit)
-    if not log.isEnabledFor(INFO) and total(tiled_parts(lit, 1, counts=lit.most)) <= room:
+    if not log.isEnabledFor(INFO) and total(tiled_parts(visible, 1, counts=visible.most)) <= room:
         return 1, BLOCK_BYTES  # the upper bound fits already, so that no paths have to be counted
-    counted = f"scene {lit.scene.name!r}: {len(lit.tx)} x {len(lit.rx)} antennas and {len(lit.rough)} scatterers"
+    antennas = f"{len(visible.tx)} x {len(visible.rx)} antennas"
+    counted = f"scene {visible.scene.name!r}: {antennas} and {len(visible.scatterers)} scatterers"
     for power in range(int(np.log2(MOST_TILES)) + 1):
         tiles = 2**power
-        whole = total(tiled_parts(lit, tiles))
+        whole = total(tiled_parts(visible, tiles))
         if whole <= room:
-            expect(tiled_parts(lit, tiles), counted, REMEDY, limit=limit)
+            expect(tiled_parts(visible, tiles), counted, REMEDY, limit=limit)
             return tiles, BLOCK_BYTES
-        narrow = FIELD_SHARE * max(room - 8.0 * len(lit.tx) * len(lit.rx) * lit.scene.band.points, 0.0)
-        if narrow < BLOCK_BYTES and total(tiled_parts(lit, tiles, narrow)) <= room:
-            expect(tiled_parts(lit, tiles, narrow), counted, REMEDY, limit=limit)
+        narrow = FIELD_SHARE * max(room - 8.0 * len(visible.tx) * len(visible.rx) * visible.scene.band.points, 0.0)
+        if narrow < BLOCK_BYTES and total(tiled_parts(visible, tiles, narrow)) <= room:
+            expect(tiled_parts(visible, tiles, narrow), counted, REMEDY, limit=limit)
             return tiles, narrow
-    lacking = (total(tiled_parts(lit, MOST_TILES, 0.0)) - room) / GIGABYTE
+    lacking = (total(tiled_parts(visible, MOST_TILES, 0.0)) - room) / GIGABYTE
     raise InputError(
         f"{counted} need about {lacking:.3g} GB more than there may be, though they are taken in tiles; {REMEDY}"
     )
@@ -317,17 +336,17 @@ def estimate_rays(scene: Scene, *, bounces: int, seed: int, memory_limit: float 
     InputError
         If the scene cannot be simulated, or does not fit.
     """
-    lit = light(scene, bounces=bounces, seed=seed)
-    tiles, field_bytes = tiles_that_fit(lit, memory_limit)
-    parts = tiled_parts(lit, tiles, field_bytes)
+    visible = find_visible(scene, bounces=bounces, seed=seed)
+    tiles, field_bytes = tiles_that_fit(visible, memory_limit)
+    parts = tiled_parts(visible, tiles, field_bytes)
     remarks = [f"The memory does not hold all paths: the scatterers are taken in {tiles} tiles."] if tiles > 1 else []
     return RayEstimate(
         kind="estimate",
-        scatterers=len(lit.rough),
-        chains=len(lit.tx_chains),
-        paths=round(lit.counts.diffuse + lit.counts.specular),
+        scatterers=len(visible.scatterers),
+        chains=len(visible.tx_chains),
+        paths=round(visible.counts.diffuse + visible.counts.specular),
         frequencies=scene.band.points,
-        sweep_bytes=8 * len(lit.tx) * len(lit.rx) * scene.band.points,
+        sweep_bytes=8 * len(visible.tx) * len(visible.rx) * scene.band.points,
         tiles=tiles,
         memory_gb=total(parts) / GIGABYTE,
         parts_gb={name: nbytes / GIGABYTE for name, nbytes in parts.items()},
