@@ -11,7 +11,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scenes.materials import VolumeProfile, coherent_factor, material, scattering_depth
 from mirrorfold.simulation.raster.meshes import solids
-from mirrorfold.simulation.raster.speckle import freeze
+from mirrorfold.simulation.raster.speckle import draw_scatterers as draw_scatterers_in_space
 from mirrorfold.simulation.rays.outline import outline_of
 from mirrorfold.simulation.rays.scatterers import draw_scatterers
 
@@ -62,7 +62,7 @@ def inside_of_plan(scene):
 
 def inside_of_space(scene):
     """Depths [m] and powers [m^2] of the scatterers of a panel."""
-    frozen = freeze(scene, solids(scene), seed=1)
+    frozen = draw_scatterers_in_space(scene, solids(scene), seed=1)
     return frozen.depth, np.abs(frozen.strength) ** 2
 
 

@@ -13,7 +13,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scenes.materials import permittivity
-from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
+from mirrorfold.simulation.raster.chains import find_chains, trace_back, traced_scene
 from mirrorfold.simulation.raster.echoes import find_echoes
 from mirrorfold.simulation.raster.meshes import solids
 
@@ -36,7 +36,7 @@ def sums(world, chain, point) -> tuple[Array, Array]:
     """What a chain leaves of a wave to a point (3,), one way, over the band; and how far aside that seems to stand."""
     frequency = 0.5 * (world.band.start + world.band.stop)
     traced = traced_scene(world, solids(world))
-    seen, waves = walk_back(world, traced, np.zeros(3), chain, point[None], frequency=frequency)
+    seen, waves = trace_back(world, traced, np.zeros(3), chain, point[None], frequency=frequency)
     assert seen.all()
     total = sum(wave.amplitude[0] * np.exp(-1j * K * wave.extra[0]) for wave in waves)
     return total, waves[0].aside[0]
@@ -74,8 +74,8 @@ def test_no_more_is_reflected_and_let_through_than_arrives(turn, material):
     traced = traced_scene(world, solids(world))
     front = 0 if traced.quads[0].normal @ NORMAL[turn] > 0.0 else 1
     frequency = 0.5 * (world.band.start + world.band.stop)
-    reflected = walk_back(world, traced, np.zeros(3), (front,), (place + 0.8 * back)[None], frequency=frequency)[1]
-    passed = walk_back(world, traced, np.zeros(3), (), 2.0 * place[None], frequency=frequency)[1]
+    reflected = trace_back(world, traced, np.zeros(3), (front,), (place + 0.8 * back)[None], frequency=frequency)[1]
+    passed = trace_back(world, traced, np.zeros(3), (), 2.0 * place[None], frequency=frequency)[1]
     power = [np.abs(sum(w.amplitude[0] * np.exp(-1j * K * w.extra[0]) for w in waves)) ** 2
              for waves in (reflected, passed)]  # fmt: skip
     assert (power[0] + power[1]).max() < 1.0
@@ -110,7 +110,7 @@ def test_delay_and_shift_are_those_of_snells_law():
         return (deep - THICK) / np.cos(angle) + np.sqrt(eps) * THICK / np.cos(inside)
 
     world = scene(board(40.0))
-    seen, waves = walk_back(world, traced_scene(world, solids(world)), np.zeros(3), (), point[None], frequency=285e9)
+    seen, waves = trace_back(world, traced_scene(world, solids(world)), np.zeros(3), (), point[None], frequency=285e9)
     range_ = np.linalg.norm(point)
     assert seen.all()
     assert range_ + waves[0].extra[0] == pytest.approx(length(np.zeros(3)), abs=5e-6)

@@ -14,11 +14,11 @@ from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.transparent import WallImages
 from mirrorfold.scoring.truth import Truth
-from mirrorfold.simulation.raster.chains import find_chains, traced_scene, walk_back
+from mirrorfold.simulation.raster.chains import find_chains, trace_back, traced_scene
 from mirrorfold.simulation.raster.meshes import Solid, solids
+from mirrorfold.simulation.raster.panels import HalfTransparentPanel, half_transparent_panel
 from mirrorfold.simulation.raster.rounds import round_faces, shown_in
-from mirrorfold.simulation.raster.sheets import Sheet, sheet_of
-from mirrorfold.simulation.raster.speckle import image_frame, sample
+from mirrorfold.simulation.raster.speckle import sample, unfolding
 
 TRUTH_SPACING = 0.005
 """Mean distance between samples of the true surfaces [m]: a quarter of the distance of a good point."""
@@ -77,14 +77,14 @@ def visible_truth(
     sides = (np.linspace(axis[0], axis[-1], FAN) for axis in (azimuth, elevation))
     fan = beam_direction(*np.meshgrid(*sides, indexing="ij"))
     for chain in find_chains(scene, traced, origin, fan.reshape(-1, 3), bounces=bounces, frequency=frequency):
-        to_image = image_frame(traced.quads, chain)
+        to_image = unfolding(traced.quads, chain)
         sight = to_image.inverse(origin) - place
         distance = np.linalg.norm(sight, axis=1)
         az, el = beam_angles(to_image(place) - origin)
         inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
         facing = np.einsum("nd,nd->n", sight, normals) >= SMALLEST_COSINE * distance
         which = np.flatnonzero(inside & facing & (distance <= limit) & ~reachable)
-        which = which[walk_back(scene, traced, origin, chain, place[which], frequency=frequency)[0]]
+        which = which[trace_back(scene, traced, origin, chain, place[which], frequency=frequency)[0]]
         reachable[which] = True
         direct[which] |= not chain
     for face in round_faces(scene, frequency) if bounces else ():
@@ -104,24 +104,24 @@ def walls_of_space(scene: Scene3D, places: Array) -> WallImages | None:
     None if there is no such panel, or no other surface.
     """
     parts = solids(scene)
-    found = [(solid, sheet_of(scene, solid, 0)) for solid in parts]
-    sheets, others = [sheet for _, sheet in found if sheet], [solid for solid, sheet in found if not sheet]
-    if not sheets or not others:
+    found = [(solid, half_transparent_panel(scene, solid, 0)) for solid in parts]
+    panels, others = [panel for _, panel in found if panel], [solid for solid, panel in found if not panel]
+    if not panels or not others:
         return None
     objects = _samples(others)[0]
     origin = np.array(scene.scanner.origin)
     met, incidence = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan)
-    for sheet in sheets:
-        which, cosine = sheet.met(np.broadcast_to(origin, places.shape), places)
+    for panel in panels:
+        which, cosine = panel.met(np.broadcast_to(origin, places.shape), places)
         met[which], incidence[which] = True, np.arccos(np.clip(cosine, 0.0, 1.0))
-    images = [reflect(objects, *_face_towards(sheet, origin)) for sheet in sheets]
+    images = [reflect(objects, *_face_towards(panel, origin)) for panel in panels]
     return WallImages(objects, np.concatenate(images), met, incidence)
 
 
-def _face_towards(sheet: Sheet, place: Array) -> tuple[Array, Array]:
-    """Center [m] and normal of the face of a sheet that is turned towards a place, (3,) each."""
-    normal = sheet.middle.normal * np.sign((place - sheet.middle.center) @ sheet.middle.normal)
-    return sheet.middle.center + 0.5 * sheet.thickness * normal, normal
+def _face_towards(panel: HalfTransparentPanel, place: Array) -> tuple[Array, Array]:
+    """Center [m] and normal of the face of a panel that is turned towards a place, (3,) each."""
+    normal = panel.middle.normal * np.sign((place - panel.middle.center) @ panel.middle.normal)
+    return panel.middle.center + 0.5 * panel.thickness * normal, normal
 
 
 def patch_contrasts(scene: Scene3D, points: Array, amplitude: Array) -> dict[str, float | None]:

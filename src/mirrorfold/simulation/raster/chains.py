@@ -16,13 +16,13 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Scene3D
 from mirrorfold.simulation.raster.caster import Caster
 from mirrorfold.simulation.raster.meshes import Quad, Solid
-from mirrorfold.simulation.raster.sheets import (
-    Sheet,
+from mirrorfold.simulation.raster.panels import (
+    HalfTransparentPanel,
     Wave,
     after_passing,
     after_reflection,
+    half_transparent_panel,
     one_after_another,
-    sheet_of,
     strength,
 )
 from mirrorfold.simulation.raster.speckle import specular_amplitude
@@ -49,32 +49,32 @@ class TracedScene:
     first_quad : (f,) array of int
         For every triangle the number of its quad, -1 on curved surfaces. The two faces of a panel share its triangles,
         which have the number of the first face.
-    sheets : list of Sheet
+    panels : list of HalfTransparentPanel
         Half-transparent panels; they have no triangles, and block no rays of the caster.
     """
 
     caster: Caster
     quads: list[Quad]
     first_quad: Index
-    sheets: list[Sheet]
+    panels: list[HalfTransparentPanel]
 
     def blocked(self, origin: Array, target: Array) -> Mask:
         """Whether anything, half-transparent panels included, lies between origins and targets (n, 3) [m], (n,)."""
         blocked = self.caster.blocked(origin, target, slack=SLACK)
-        for sheet in self.sheets:
-            blocked[sheet.met(origin, target)[0]] = True
+        for panel in self.panels:
+            blocked[panel.met(origin, target)[0]] = True
         return blocked
 
 
 def traced_scene(scene: Scene3D, solids: list[Solid]) -> TracedScene:
     """Collect the triangles, flat faces and half-transparent panels of all solids."""
     quads: list[Quad] = []
-    sheets: list[Sheet] = []
+    panels: list[HalfTransparentPanel] = []
     vertices, faces = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)]
     numbers, offset = [np.empty(0, dtype=np.int64)], 0
     for solid in solids:
-        if (sheet := sheet_of(scene, solid, len(quads))) is not None:
-            sheets.append(sheet)
+        if (panel := half_transparent_panel(scene, solid, len(quads))) is not None:
+            panels.append(panel)
             quads.extend(solid.quads)
             continue
         vertices.append(solid.vertices)
@@ -89,7 +89,7 @@ def traced_scene(scene: Scene3D, solids: list[Solid]) -> TracedScene:
         numbers.append(number)
         quads.extend(solid.quads)
     caster = Caster(np.concatenate(vertices), np.concatenate(faces))
-    return TracedScene(caster, quads, np.concatenate(numbers), sheets)
+    return TracedScene(caster, quads, np.concatenate(numbers), panels)
 
 
 def find_chains(
@@ -117,7 +117,7 @@ def find_chains(
     normals = np.array([quad.normal for quad in traced.quads])
     start = np.tile(origin, (len(directions), 1))
     member = np.zeros(len(directions), dtype=np.int64)
-    amplitude = np.ones(len(directions))
+    power = np.ones(len(directions))
     for _ in range(bounces):
         met, quad, along = _met(traced, start, directions)
         if not met.size:
@@ -126,7 +126,7 @@ def find_chains(
         cosine = -np.einsum("nd,nd->n", arriving, normals[quad])
         # A panel met from behind reflects with its second face, which has the next number.
         quad, cosine = np.where(cosine < 0.0, quad + 1, quad), np.abs(cosine)
-        left = amplitude[met]
+        left = power[met]
         for number in np.unique(quad):
             here = quad == number
             finish = scene.surface[traced.quads[number].surface]
@@ -135,7 +135,7 @@ def find_chains(
         start = start[met] + along[:, None] * arriving
         directions = unit(arriving + 2.0 * cosine[:, None] * normals[quad])
         kept = left > WEAKEST_CHAIN
-        start, directions, amplitude = start[kept], directions[kept], left[kept]
+        start, directions, power = start[kept], directions[kept], left[kept]
         pairs, member = np.unique(np.stack([member[met][kept], quad[kept]]), axis=1, return_inverse=True)
         member = member.ravel() + len(chains)
         chains += [(*chains[int(before)], int(number)) for before, number in pairs.T]
@@ -143,7 +143,7 @@ def find_chains(
 
 
 def _met(traced: TracedScene, start: Array, directions: Array) -> tuple[Index, Index, Array]:
-    """Flat faces that rays (n, 3) meet: the first opaque one, and every sheet in front of it.
+    """Flat faces that rays (n, 3) meet: the first opaque one, and every half-transparent panel in front of it.
 
     Returns, for each meeting, the number of the ray, the number of the quad (that of the first face for an opaque
     panel), and the distance from the start [m].
@@ -152,8 +152,8 @@ def _met(traced: TracedScene, start: Array, directions: Array) -> tuple[Index, I
     opaque = np.flatnonzero(face >= 0)
     opaque = opaque[traced.first_quad[face[opaque]] >= 0]
     found = [(opaque, traced.first_quad[face[opaque]], along[opaque])]
-    for sheet in traced.sheets:
-        for number in (sheet.front, sheet.front + 1):
+    for panel in traced.panels:
+        for number in (panel.front, panel.front + 1):
             quad = traced.quads[number]
             with np.errstate(divide="ignore", invalid="ignore"):
                 distance = (quad.center - start) @ quad.normal / (directions @ quad.normal)
@@ -165,7 +165,7 @@ def _met(traced: TracedScene, start: Array, directions: Array) -> tuple[Index, I
     return rays, quads, distances
 
 
-def walk_back(
+def trace_back(
     scene: Scene3D,
     traced: TracedScene,
     origin: Array,
@@ -203,7 +203,7 @@ def walk_back(
         quad = traced.quads[number]
         images.append(reflect(images[-1], quad.center, quad.normal))
         turns.append(turns[-1] @ (np.eye(3) - 2.0 * np.outer(quad.normal, quad.normal)))
-    sheet_at = {sheet.front + side: sheet for sheet in traced.sheets for side in (0, 1)}
+    panel_at = {panel.front + side: panel for panel in traced.panels for side in (0, 1)}
     seen = np.ones(len(points), dtype=bool)
     waves = [Wave.straight(len(points))]
     alive = np.arange(len(points))
@@ -223,11 +223,11 @@ def walk_back(
         seen[alive[~front]] = False
         alive, target, bounce = alive[front], target[front], bounce[front]
         cosine = (target - bounce) @ normal / np.maximum(np.linalg.norm(target - bounce, axis=1), 1e-12)
-        for which, later in after_passing(scene, traced.sheets, bounce, target, turns[level + 1], frequency):
+        for which, later in after_passing(scene, traced.panels, bounce, target, turns[level + 1], frequency):
             waves = one_after_another(waves, alive[which], later)
-        if (sheet := sheet_at.get(chain[level])) is not None:
+        if (panel := panel_at.get(chain[level])) is not None:
             sight = unit(target - bounce)
-            later = after_reflection(scene, sheet, normal, sight, cosine, turns[level + 1], frequency)
+            later = after_reflection(scene, panel, normal, sight, cosine, turns[level + 1], frequency)
             waves = one_after_another(waves, alive, later)
         else:
             finish = scene.surface[quad.surface]
@@ -239,8 +239,8 @@ def walk_back(
     seen[alive[~free]] = False
     alive, target = alive[free], target[free]
     start = np.broadcast_to(origin, target.shape)
-    for which, later in after_passing(scene, traced.sheets, start, target, turns[0], frequency):
+    for which, later in after_passing(scene, traced.panels, start, target, turns[0], frequency):
         waves = one_after_another(waves, alive[which], later)
-    if traced.sheets:
+    if traced.panels:
         seen &= strength(waves, len(points)) ** 2 > WEAKEST_CHAIN
     return seen, waves

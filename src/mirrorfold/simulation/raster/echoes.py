@@ -19,11 +19,11 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Scene3D
-from mirrorfold.simulation.raster.chains import TracedScene, find_chains, traced_scene, walk_back
+from mirrorfold.simulation.raster.chains import TracedScene, find_chains, trace_back, traced_scene
 from mirrorfold.simulation.raster.meshes import solids
+from mirrorfold.simulation.raster.panels import there_and_back
 from mirrorfold.simulation.raster.rounds import RoundFace, facing_place, round_faces, shown_in, spread
-from mirrorfold.simulation.raster.sheets import there_and_back
-from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, freeze, image_frame, specular_amplitude
+from mirrorfold.simulation.raster.speckle import Speckle, diffuse_share, draw_scatterers, specular_amplitude, unfolding
 from mirrorfold.simulation.rays.scatterers import named
 
 BEAM_EDGE = 2.2
@@ -110,7 +110,7 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     if not parts:
         return empty, {"scatterers": 0, "chains": 0}
     traced = traced_scene(scene, parts)
-    speckle = freeze(scene, parts, seed=seed, density=density)
+    speckle = draw_scatterers(scene, parts, seed=seed, density=density)
     origin = np.array(scene.scanner.origin)
     frequency = 0.5 * (scene.band.start + scene.band.stop)
     fan = [np.linspace(a[0] - _margin(scene), a[-1] + _margin(scene), FAN) for a in scene.scanner.angles]
@@ -139,14 +139,14 @@ def _over_chain(
 ) -> Echoes3D:
     """Echoes of the scatterers that are seen by way of one chain of plane mirrors."""
     origin = np.array(scene.scanner.origin)
-    to_image = image_frame(traced.quads, chain)
+    to_image = unfolding(traced.quads, chain)
     virtual = to_image.inverse(origin)
     sight = virtual - speckle.foot
     distance = np.linalg.norm(sight, axis=1)
     cosine = np.einsum("nd,nd->n", sight, speckle.normal) / distance
     facing = np.flatnonzero(cosine > SMALLEST_COSINE)
     facing = facing[_in_view(scene, to_image(speckle.foot[facing]) - origin)]
-    seen, waves = walk_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
+    seen, waves = trace_back(scene, traced, origin, chain, speckle.foot[facing], frequency=frequency)
     facing, cosine = facing[seen], cosine[facing[seen]]
     # In the model, waves cross the inside of a wall straight and as fast as in air: depths are as a radar image shows.
     inward = -speckle.depth[facing] / cosine
@@ -240,7 +240,7 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
     """
     nothing = _no_echoes()
     origin = np.array(scene.scanner.origin)
-    to_image = image_frame(traced.quads, chain)
+    to_image = unfolding(traced.quads, chain)
     way = to_image(origin) - origin
     length = float(np.linalg.norm(way))
     returns = to_image.linear.T @ way
@@ -250,7 +250,7 @@ def _glint(scene: Scene3D, traced: TracedScene, chain: tuple[int, ...], frequenc
         return nothing
     aside = np.linalg.svd(way[None])[2][1:]
     pencil = origin + PENCIL * np.concatenate([np.zeros((1, 3)), aside, -aside])
-    seen, waves = walk_back(scene, traced, origin, chain, pencil, frequency=frequency)
+    seen, waves = trace_back(scene, traced, origin, chain, pencil, frequency=frequency)
     if not seen.all():
         return nothing
     wavelength = speed_of_light / frequency

@@ -97,7 +97,7 @@ def scatters(finish: Finish) -> tuple[bool, bool]:
     return rough or finish.diffuse_fraction > 0.0, finish.volume_depth > 0.0
 
 
-def freeze(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1.0) -> Speckle:
+def draw_scatterers(scene: Scene3D, solids: list[Solid], *, seed: int, density: float = 1.0) -> Speckle:
     """Draw the scatterers on all surfaces of a scene and inside its walls.
 
     Parameters
@@ -186,7 +186,7 @@ def _on_mesh(solid: Solid, spacing: float, generator: np.random.Generator) -> tu
     return foot, normal / np.linalg.norm(normal, axis=1, keepdims=True), total[-1] / count
 
 
-def image_frame(quads: list[Quad], chain: tuple[int, ...]) -> Isometry:
+def unfolding(quads: list[Quad], chain: tuple[int, ...]) -> Isometry:
     """The isometry from true places to the mirror images that the radar sees over a chain of mirrors.
 
     `chain` holds numbers of quads, in the order in which a ray from the radar meets them.

@@ -53,7 +53,7 @@ class Wave:
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class HalfTransparentPanel:
     """A half-transparent panel.
 
     Attributes
@@ -80,57 +80,65 @@ class Sheet:
         return which, np.abs(along[which]) / np.linalg.norm(way[which], axis=1)
 
 
-def sheet_of(scene: Scene3D, solid: Solid, first_quad: int) -> Sheet | None:
-    """The sheet of a half-transparent panel whose first face is quad number `first_quad`; None for opaque solids."""
+def half_transparent_panel(scene: Scene3D, solid: Solid, first_quad: int) -> HalfTransparentPanel | None:
+    """The half-transparent panel whose first face is quad number `first_quad`; None for opaque solids."""
     panel = scene.surface[solid.surface]
     if not isinstance(panel, Panel) or panel.thickness is None:
         return None
     one, other = solid.quads
-    return Sheet(Quad(0.5 * (one.center + other.center), one.right, one.up, solid.surface), first_quad, panel.thickness)
+    return HalfTransparentPanel(
+        Quad(0.5 * (one.center + other.center), one.right, one.up, solid.surface), first_quad, panel.thickness
+    )
 
 
 def after_passing(
-    scene: Scene3D, sheets: list[Sheet], start: Array, end: Array, turn: Array, frequency: float
+    scene: Scene3D, panels: list[HalfTransparentPanel], start: Array, end: Array, turn: Array, frequency: float
 ) -> list[tuple[Index, list[Wave]]]:
-    """Waves that the sheets let through, on straight paths from starts to ends (n, 3) [m].
+    """Waves that half-transparent panels let through, on straight paths from starts to ends (n, 3) [m].
 
     The matrix `turn` (3, 3) turns directions on this leg of the path into those of the unfolded view.
 
     Returns
     -------
     list of (index, list of Wave)
-        For each sheet that paths cross: the indices (m,) of these paths, and the transmitted waves to m points.
+        For each panel that paths cross: the indices (m,) of these paths, and the transmitted waves to m points.
     """
     found = []
-    for sheet in sheets:
-        which, cosine = sheet.met(start, end)
+    for panel in panels:
+        which, cosine = panel.met(start, end)
         if not which.size:
             continue
-        finish, at = scene.surface[sheet.middle.surface], np.full((1, 1), frequency)
+        finish, at = scene.surface[panel.middle.surface], np.full((1, 1), frequency)
         series = transmitted(finish, at, cosine, named(scene.polarization))
         sight = end[which] - start[which]
         sight = sight / np.linalg.norm(sight, axis=1)[:, None]
-        normal = np.sign(sight @ sheet.middle.normal)[:, None] * sheet.middle.normal
+        normal = np.sign(sight @ panel.middle.normal)[:, None] * panel.middle.normal
         towards = (cosine[:, None] * sight - normal) @ turn.T
-        found.append((which, _waves(series, finish, sheet.thickness, cosine, towards, frequency, through=True)))
+        found.append((which, _waves(series, finish, panel.thickness, cosine, towards, frequency, through=True)))
     return found
 
 
 def after_reflection(
-    scene: Scene3D, sheet: Sheet, normal: Array, sight: Array, cosine: Array, turn: Array, frequency: float
+    scene: Scene3D,
+    panel: HalfTransparentPanel,
+    normal: Array,
+    sight: Array,
+    cosine: Array,
+    turn: Array,
+    frequency: float,
 ) -> list[Wave]:
-    """Waves that a sheet reflects, at its face with the given normal and at its back face, into directions (n, 3).
+    """Waves that a panel reflects, at its face with the given normal and at its back face, into directions (n, 3).
 
     `sight` (n, 3) are the unit vectors from the face to the points, `cosine` (n,) the cosines of incidence. The matrix
     `turn` (3, 3) turns directions on the leg from the face to the points into those of the unfolded view.
     """
-    finish, at = scene.surface[sheet.middle.surface], np.full((1, 1), frequency)
+    finish, at = scene.surface[panel.middle.surface], np.full((1, 1), frequency)
     series = reflected(finish, at, cosine, named(scene.polarization))
     kept = np.sqrt(kept_share(finish))
     towards = (cosine[:, None] * sight - normal) @ turn.T
     # Paths are reflected at the face here, but at the middle of the wall in `slabs`.
-    series = [(kept * amplitude, extra + sheet.thickness * cosine) for amplitude, extra in series]
-    return _waves(series, finish, sheet.thickness, cosine, towards, frequency, through=False)
+    series = [(kept * amplitude, extra + panel.thickness * cosine) for amplitude, extra in series]
+    return _waves(series, finish, panel.thickness, cosine, towards, frequency, through=False)
 
 
 def _waves(
