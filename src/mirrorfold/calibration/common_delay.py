@@ -22,7 +22,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
-from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, moderate
+from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, scaled_to_single_precision
 from mirrorfold.calibration.reflectors import positions, sphere_paths
 from mirrorfold.common.arguments import number
 from mirrorfold.common.geometry import place
@@ -114,15 +114,17 @@ def fit_reflectors(
 def _fit(sweep: xr.Dataset, centre: Array, radius: float, largest_error: float, largest_common: float | None) -> Fit:
     """The fit to one sweep: its common delay, the coupling removed if it is stronger, then the elements' delays."""
     tx, rx = positions(sweep)
-    k, s = wavenumber(sweep), moderate(sweep["s"].values)
-    length, apart = sphere_paths(tx, rx, centre, radius), np.linalg.norm(tx[:, None] - rx, axis=-1)
-    common, coupled = find_common_delay(s, k, length, apart, largest_error=largest_error, largest_common=largest_common)
+    k, s = wavenumber(sweep), scaled_to_single_precision(sweep["s"].values)
+    length, direct_length = sphere_paths(tx, rx, centre, radius), np.linalg.norm(tx[:, None] - rx, axis=-1)
+    common, coupled = find_common_delay(
+        s, k, length, direct_length, largest_error=largest_error, largest_common=largest_common
+    )
     if coupled:
         period = 2.0 * ambiguous_range(sweep)
         reach = 2.0 * largest_error + COUPLING_CELLS * period / k.size
 
         def without_coupling(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complexfloating]:
-            turn = np.exp(1j * k[:, None, None] * (apart[some] + common))
+            turn = np.exp(1j * k[:, None, None] * (direct_length[some] + common))
             return np.asarray(part - gate_samples(part * turn, period, -reach, reach) * np.conj(turn))
 
         s = by_blocks(s, without_coupling, axis=1)
@@ -133,7 +135,7 @@ def find_common_delay(
     s: NDArray[np.complexfloating],
     k: Array,
     length: Array,
-    apart: Array,
+    direct_length: Array,
     *,
     largest_error: float = 0.0,
     largest_common: float | None = None,
@@ -145,7 +147,7 @@ def find_common_delay(
     s : (frequencies, tx, rx) complex array
     k : (frequencies,) array [rad/m]
         Wavenumbers.
-    length, apart : (tx, rx) arrays [m]
+    length, direct_length : (tx, rx) arrays [m]
         Lengths of the path over the reflector, and of the direct path.
     largest_error, largest_common : float [m]
         See `fit_reflectors`.
@@ -171,9 +173,9 @@ def find_common_delay(
     tried = np.arange(np.floor(first / cell), np.ceil(last / cell)).astype(int)
     # Averaged over three neighbours, the power hardly depends on where an echo lies between two delays.
     sharp = _power(s, k, length)
-    power = uniform_filter1d(np.stack([sharp, _power(s, k, apart)]), 3, axis=1, mode="wrap")
+    power = uniform_filter1d(np.stack([sharp, _power(s, k, direct_length)]), 3, axis=1, mode="wrap")
     by_reflector, direct = np.log(np.maximum(power / (np.median(power) + np.finfo(float).tiny), 1.0))
-    direct = maximum_filter1d(_coupling(by_reflector, direct, (apart - length) / cell), 3, mode="wrap")
+    direct = maximum_filter1d(_coupling(by_reflector, direct, (direct_length - length) / cell), 3, mode="wrap")
     score = (by_reflector + COUPLING_WEIGHT * direct)[tried % k.size]
     score += np.where(np.abs(tried * cell) <= 2.0 * largest_error + cell, NO_CABLE, 0.0)
     best = tried[score.argmax()]

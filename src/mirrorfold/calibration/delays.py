@@ -36,7 +36,7 @@ Ronchetti, Robust Statistics, 2009, with a redescending tail)."""
 LARGEST_EXCESS = 1e6
 """Largest excess that lowers the weight of a pair; with it, a pair practically does not count."""
 
-HEARD = 0.25
+LEAST_RELATIVE_STRENGTH = 0.25
 """An element is valid if the strength of the reflector's echo, its median over the pairs of the element, exceeds this
 share of the median over all elements."""
 
@@ -259,7 +259,7 @@ def _sees_reflector(strength: Array, axis: int) -> NDArray[np.bool_]:
     The median is taken over the axis of the other side's elements.
     """
     own = np.median(strength, axis=axis)
-    return np.asarray(own > HEARD * np.median(own))
+    return np.asarray(own > LEAST_RELATIVE_STRENGTH * np.median(own))
 
 
 def _check_detected(

@@ -195,10 +195,10 @@ def _errors(matrix: Array, rcond: float, own: Array, shared: Array) -> Array:
     inverse = (components[resolved].T / size[resolved] ** 2) @ components[resolved]
     spread = own.T @ own * (count / max(int(count - unknowns), 1)) + shared.T @ shared
     variance = np.diag(inverse @ spread @ inverse)
-    return np.where(np.sum(components[resolved] ** 2, axis=0) > TOLD, np.sqrt(variance), np.inf)
+    return np.where(np.sum(components[resolved] ** 2, axis=0) > MEASURED_SHARE, np.sqrt(variance), np.inf)
 
 
-TOLD = 0.99
+MEASURED_SHARE = 0.99
 """Smallest squared projection of a coordinate axis onto the measured components of the displacement, at which the error
 along this axis is finite."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.ndimage import median_filter
 
-from mirrorfold.calibration.record import blocks, moderate, samples_to_repair, with_samples
+from mirrorfold.calibration.record import blocks, samples_to_repair, scaled_to_single_precision, with_samples
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.errors import InputError
 
@@ -125,7 +125,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     undefined = ~(finite | gaps).all(axis=0)
     if not finite.all():
         s = np.where(finite, s, 0.0)
-    s = moderate(s)
+    s = scaled_to_single_precision(s)
     some = s[np.flatnonzero(~gap)[_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]]
     power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0

@@ -59,7 +59,7 @@ MODERATE = (1e-12, 1e12)
 """Bounds on the largest sample, between which single precision holds the powers of samples, and the sums of these."""
 
 
-def moderate(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
+def scaled_to_single_precision(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
     """The samples, divided by the largest of them where their powers would overflow or vanish in single precision."""
     peak = max((float(np.maximum(np.abs(part.real), np.abs(part.imag)).max(initial=0.0)) for part in s), default=0.0)
     return s if peak == 0.0 or MODERATE[0] < peak < MODERATE[1] else np.asarray(s / s.real.dtype.type(peak))

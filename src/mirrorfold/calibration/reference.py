@@ -66,8 +66,8 @@ def normalise_by_reference(
     late = 0.0
     if gate is not None:
         gate = number("gate", gate, "m", above=0.0)
-        apart = np.linalg.norm(tx[:, None] - rx, axis=-1)
-        late = 0.5 * find_common_delay(samples, wavenumber(reference), length, apart)[0]
+        direct_length = np.linalg.norm(tx[:, None] - rx, axis=-1)
+        late = 0.5 * find_common_delay(samples, wavenumber(reference), length, direct_length)[0]
 
     def response(some: slice) -> NDArray[np.complexfloating]:
         """Response (frequencies, tx, rx) of the pairs of some transmitters: the reference with the paths removed."""

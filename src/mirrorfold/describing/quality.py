@@ -22,7 +22,7 @@ from mirrorfold.common.records import Number, Record, fact
 TABLE = "expected_quality.json"
 """Name of the shipped table."""
 
-NEAR, WIDE, CELLS = 0.02, 0.05, 1.5
+NEAR_M, WIDE_M, NEAR_CELLS = 0.02, 0.05, 1.5
 """Distances from the truth for which the F-score is stated [m], [m] and [resolution cells]."""
 
 
@@ -109,7 +109,7 @@ def expected_quality(
     close_in_cells = known["close_in_cells"]
     pairs = (
         found,
-        *(_product(found, _interpolated(known["close"], limit / cell)) for limit in (NEAR, WIDE)),
+        *(_product(found, _interpolated(known["close"], limit / cell)) for limit in (NEAR_M, WIDE_M)),
         _product(found, (close_in_cells["mean"], close_in_cells["standard_error"])),
     )
     names = ("wall_found", "f_score_2cm", "f_score_5cm", "f_score_cells")

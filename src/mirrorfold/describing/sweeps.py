@@ -19,7 +19,15 @@ from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import AXES_REMEDY, antenna_positions, check_sweep, end_on, is_monostatic, is_raster, wave_speed
+from mirrorfold.sweep import (
+    AXES_REMEDY,
+    antenna_positions,
+    check_sweep,
+    is_monostatic,
+    is_raster,
+    misaligned_axis,
+    wave_speed,
+)
 
 Array = NDArray[np.float64]
 
@@ -201,7 +209,7 @@ def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
         ranges = [float(np.linalg.norm(np.asarray(sweep.attrs["scene_center"], dtype=float) - radar))]
     frequency = sweep["frequency"].values.astype(float)
     facts, remarks = resolution(frequency, tx_position, rx_position, wave_speed(sweep), ranges)
-    along = end_on(sweep)
+    along = misaligned_axis(sweep)
     if along is not None:
         remarks.append(
             f"All antennas stand along {along}, expected x, across the range: in the floor plan before them they tell "

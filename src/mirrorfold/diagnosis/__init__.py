@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from mirrorfold.calibration.record import moderate
+from mirrorfold.calibration.record import scaled_to_single_precision
 from mirrorfold.diagnosis.exchanged_axes import axis_findings
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.physics import doubt_findings, wave_findings
+from mirrorfold.diagnosis.physics import unit_findings, wave_findings
 from mirrorfold.diagnosis.quality import sample_findings
 from mirrorfold.diagnosis.scans import scan_findings
 from mirrorfold.sweep import is_raster
@@ -30,12 +30,12 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         Which mistakes the data suffice to recognise. `waves`: conjugated samples and reversed frequencies; `exchange`:
         transmitters taken for receivers.
     """
-    sweep = sweep.assign(s=sweep["s"].copy(data=moderate(sweep["s"].values)))
+    sweep = sweep.assign(s=sweep["s"].copy(data=scaled_to_single_precision(sweep["s"].values)))
     found = sample_findings(sweep)
     sweep = _first_part(sweep)
     if is_raster(sweep):
         other, judged = scan_findings(sweep)
-        other = doubt_findings(sweep) or other
+        other = unit_findings(sweep) or other
     else:
         exchanged = axis_findings(sweep)
         other, judged = (exchanged, {"waves": False, "exchange": True}) if exchanged else wave_findings(sweep)

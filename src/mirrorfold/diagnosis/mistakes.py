@@ -79,7 +79,7 @@ class Explanation:
         Share of the draws in which `conjugated`, `reversed` and `exchanged` come out the same.
     offset_sure : float
         Share of the draws in which the offset has the same sign and is not too small.
-    told, exchange_told : bool
+    waves_suffice, exchange_recognisable : bool
         Whether the waves suffice to recognise conjugation and reversal, and exchange. They do not where all echoes are
         so distant that their waves are flat. An exchange does not show where the apertures are displaced only across
         the plane of the echoes.
@@ -92,8 +92,8 @@ class Explanation:
     offset_error: float
     sure: float
     offset_sure: float
-    told: bool
-    exchange_told: bool
+    waves_suffice: bool
+    exchange_recognisable: bool
 
 
 def explain(waves: Wavefronts) -> Explanation:
@@ -121,11 +121,11 @@ def explain(waves: Wavefronts) -> Explanation:
         and mean.max() - mean[0] > LEAST_GAIN
         and same_side >= OFFSET_SURE[side]
     )
-    told = [_is_recognisable(fits.mean(axis=1), cases, cases[best], mistake) for mistake in range(3)]
+    recognisable = [_is_recognisable(fits.mean(axis=1), cases, cases[best], mistake) for mistake in range(3)]
     return Explanation(
         *cases[best],
-        told=told[0] and told[1],
-        exchange_told=told[2],
+        waves_suffice=recognisable[0] and recognisable[1],
+        exchange_recognisable=recognisable[2],
         offset=offset if certain else 0.0,
         offset_error=float(max(0.5 * (high - low), waves.ambiguous_range / OFFSET_STEPS)),
         sure=min(SUREST, agree / RESAMPLES),

@@ -17,7 +17,7 @@ from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
-from mirrorfold.sweep import doubts, wave_speed
+from mirrorfold.sweep import unit_doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 COARSE_PITCH = 15.0
@@ -65,14 +65,14 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         if unit is not None:
             found = [_unit_finding(unit)]
         else:
-            found = doubt_findings(sweep)
+            found = unit_findings(sweep)
             if not found and "rx" in sweep.dims:
                 found = _far_apart(pairs) or direct_findings(every)
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     made = explain(waves)
     found += _findings(made, speed_of_light / wave_speed(sweep))
-    return found, {"waves": made.told, "exchange": made.exchange_told}
+    return found, {"waves": made.waves_suffice, "exchange": made.exchange_recognisable}
 
 
 def _findings(made: Explanation, index: float) -> list[Finding]:
@@ -112,11 +112,11 @@ def _rounded(value: float, error: float) -> str:
     return f"{value:.{max(0, int(np.ceil(-np.log10(0.5 * error))))}f}"
 
 
-def doubt_findings(sweep: xr.Dataset) -> list[Finding]:
+def unit_findings(sweep: xr.Dataset) -> list[Finding]:
     """Findings of positions or directions that are probably in another unit, judged by their size alone."""
     return [
         Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option)
-        for doubt in doubts(sweep)
+        for doubt in unit_doubts(sweep)
         if doubt.name != "frequency-unit"
     ]
 

@@ -24,8 +24,8 @@ from mirrorfold.sweep import (
     antenna_positions,
     check_sweep,
     check_waves,
-    end_on,
     is_raster,
+    misaligned_axis,
     wave_speed,
     wavenumber,
 )
@@ -61,7 +61,7 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset
             "profile: a single x and many y"
         )
     if x is None or y is None:
-        along = end_on(sweep)
+        along = misaligned_axis(sweep)
         if along is not None:
             warnings.warn(
                 f"the antennas stand along {along}: in the floor plan before them, which lies in y, they tell ranges "

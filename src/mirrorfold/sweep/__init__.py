@@ -18,7 +18,7 @@ false for pairs that were not measured or are masked. Samples of such pairs are 
 
 from __future__ import annotations
 
-from mirrorfold.sweep.checks import STEP_TOLERANCE, Doubt, check_sweep, check_waves, doubts, frequency_unit_of
+from mirrorfold.sweep.checks import STEP_TOLERANCE, UnitDoubt, check_sweep, check_waves, frequency_unit_of, unit_doubts
 from mirrorfold.sweep.facts import (
     AXES,
     AXES_REMEDY,
@@ -28,10 +28,10 @@ from mirrorfold.sweep.facts import (
     TIME_CONVENTION,
     ambiguous_range,
     antenna_positions,
-    end_on,
     frequency_step,
     is_monostatic,
     is_raster,
+    misaligned_axis,
     radar_position,
     range_resolution,
     wave_speed,
@@ -48,14 +48,12 @@ __all__ = [
     "RASTER_DIMENSIONS",
     "STEP_TOLERANCE",
     "TIME_CONVENTION",
-    "Doubt",
+    "UnitDoubt",
     "add_noise",
     "ambiguous_range",
     "antenna_positions",
     "check_sweep",
     "check_waves",
-    "doubts",
-    "end_on",
     "frequency_step",
     "frequency_unit_of",
     "is_monostatic",
@@ -64,8 +62,10 @@ __all__ = [
     "make_monostatic_sweep",
     "make_raster_sweep",
     "make_sweep",
+    "misaligned_axis",
     "radar_position",
     "range_resolution",
+    "unit_doubts",
     "wave_speed",
     "wavenumber",
 ]

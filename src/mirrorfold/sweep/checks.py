@@ -184,7 +184,7 @@ def _size(sweep: xr.Dataset) -> str:
     return f"{what} of {length:.3g} m, {wavelengths:.1g} wavelengths at {wave_speed(sweep):g} m/s"
 
 
-class Doubt(NamedTuple):
+class UnitDoubt(NamedTuple):
     """What is probably wrong with the numbers of a valid sweep, and the option of `calibrate` that corrects it."""
 
     name: str
@@ -197,7 +197,7 @@ class Doubt(NamedTuple):
         return f"give them in the right unit, or mirrorfold calibrate SWEEP.nc -o OUT.nc {self.option}"
 
 
-def doubts(sweep: xr.Dataset) -> list[Doubt]:
+def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
     """Find frequencies, positions or angles of a valid sweep that are probably in another unit than expected."""
     wavelength = wave_speed(sweep) / float(sweep["frequency"].max())
     unit = frequency_unit_of(sweep)
@@ -206,7 +206,7 @@ def doubts(sweep: xr.Dataset) -> list[Doubt]:
             f"The frequencies make no sense with {_size(sweep)}: they are probably in {unit}, or the speed of sound is "
             "missing as wave_speed."
         )
-        return [Doubt("frequency-unit", what, f"--frequency-unit {unit}")]
+        return [UnitDoubt("frequency-unit", what, f"--frequency-unit {unit}")]
     if is_raster(sweep):
         if not radians_for_degrees(sweep["azimuth"].values, sweep["elevation"].values, wavelength):
             return []
@@ -215,7 +215,7 @@ def doubts(sweep: xr.Dataset) -> list[Doubt]:
             f"The beams reach no farther than {reach:.3g} degrees aside, in steps that no such scanner can tell apart: "
             "their directions are probably in radians."
         )
-        return [Doubt("angle-unit", what, "--angle-unit radian")]
+        return [UnitDoubt("angle-unit", what, "--angle-unit radian")]
     step = _length_and_pitch(sweep)[1]
     unit = length_unit(step, wavelength) if sweep.attrs.get("scene_center") is None else None
     if unit is None:
@@ -224,7 +224,7 @@ def doubts(sweep: xr.Dataset) -> list[Doubt]:
         f"Neighbouring antennas stand {step:.3g} m apart, {step / wavelength:.0f} wavelengths: their positions are "
         f"probably in {unit}, not in metres."
     )
-    return [Doubt("position-unit", what, f"--position-unit {unit}")]
+    return [UnitDoubt("position-unit", what, f"--position-unit {unit}")]
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:

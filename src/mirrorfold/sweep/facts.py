@@ -26,7 +26,7 @@ AXES_REMEDY = (
 """Advice where the antennas do not stand along x."""
 
 ASKEW, UPRIGHT = 0.5, 0.01
-"""Largest extents by which `end_on` recognises an array along another axis than x.
+"""Largest extents by which `misaligned_axis` recognises an array along another axis than x.
 
 Along x, as a share of the extent along y: below it, the array is turned by more than 63 degrees, and looks aside.
 Along x and y, as a share of the extent along z: below it, the array is only as wide as its positions are inexact."""
@@ -67,7 +67,7 @@ def radar_position(sweep: xr.Dataset) -> Array:
     return np.asarray(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)))
 
 
-def end_on(sweep: xr.Dataset) -> str | None:
+def misaligned_axis(sweep: xr.Dataset) -> str | None:
     """The axis, "y" or "z", along which all antennas stand instead of along x; None where they do not.
 
     The floor plan lies before the array, in the direction y. An array along y or z hardly tells directions in it. None

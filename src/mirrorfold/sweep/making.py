@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import number, whole_number, wrong_kind
 from mirrorfold.errors import InputError
-from mirrorfold.sweep.checks import check_sweep, doubts
+from mirrorfold.sweep.checks import check_sweep, unit_doubts
 from mirrorfold.sweep.facts import AXES, MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, RASTER_DIMENSIONS, TIME_CONVENTION
 from mirrorfold.sweep.samples import complex_samples, real_numbers
 
@@ -204,7 +204,7 @@ def _made(
     except ValueError:
         raise refusal from None
     checked = check_sweep(sweep)
-    for doubt in doubts(checked):
+    for doubt in unit_doubts(checked):
         warnings.warn(f"{doubt.what} Remedy: {doubt.advice}", stacklevel=3)
     return checked
 

@@ -16,7 +16,7 @@ from mirrorfold.io.mapping.model import Mapping
 from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.mapping.samples import rising, samples_of, to_frequency
 from mirrorfold.io.readers import Contents
-from mirrorfold.sweep import TIME_CONVENTION, check_sweep, doubts, frequency_unit_of
+from mirrorfold.sweep import TIME_CONVENTION, check_sweep, frequency_unit_of, unit_doubts
 
 
 def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
@@ -52,7 +52,7 @@ def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
     sweep = ARRANGEMENTS[arrangement](Measured(quantities, mapping, frequency, s, order, speed, attrs))
     _check_unit(quantities, mapping, sweep)
     checked = check_sweep(sweep, source=str(contents.path))
-    for doubt in doubts(checked):
+    for doubt in unit_doubts(checked):
         warnings.warn(f"{doubt.what} Remedy: {doubt.advice}", stacklevel=4)
     return checked
 

@@ -26,7 +26,7 @@ from mirrorfold.io.readers.contents import check_memory, damaged, listed
 from mirrorfold.io.readers.pair_tables import distinct
 from mirrorfold.io.scans.networks import Held
 from mirrorfold.io.scans.positions import Line, Scan, arranged, match_pattern, read_positions
-from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, doubts
+from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, unit_doubts
 
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
 """The scattering parameter that is taken by default where files hold several."""
@@ -247,7 +247,7 @@ def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> 
 def _checked(sweep: xr.Dataset, table: Path) -> xr.Dataset:
     """Check the sweep, and return it, with a warning if the unit of its places looks wrong."""
     sweep = check_sweep(sweep, source=str(table))
-    for doubt in doubts(sweep):
+    for doubt in unit_doubts(sweep):
         warnings.warn(f"{doubt.what} Say so in the headings of {table}, as in tx_x_mm, or as unit.", stacklevel=3)
     return sweep
 
