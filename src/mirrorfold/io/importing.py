@@ -18,7 +18,7 @@ from mirrorfold.io.mapping.assembly import assemble, join
 from mirrorfold.io.mapping.model import Mapping, load_mapping, shipped
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import listed
-from mirrorfold.io.scans.networks import held_networks
+from mirrorfold.io.scans.networks import networks_by_name
 from mirrorfold.io.scans.scan import import_scan
 from mirrorfold.sweep import check_sweep
 
@@ -68,7 +68,7 @@ def import_data(
         If a file cannot be read, or something needed is missing or does not fit together. The message tells the file,
         the line if there is one, and the remedy.
     """
-    networks = held_networks(files)
+    networks = networks_by_name(files)
     if networks is not None:
         if positions is None or mapping is not None:
             raise InputError(

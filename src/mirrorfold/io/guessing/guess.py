@@ -10,7 +10,7 @@ import numpy as np
 
 from mirrorfold.errors import InputError
 from mirrorfold.io.guessing.place_search import LARGEST_LOOKED_AT
-from mirrorfold.io.guessing.proposal import BESIDE, Finding, Guess
+from mirrorfold.io.guessing.proposal import OTHER_FILE_MARK, Finding, Guess
 from mirrorfold.io.guessing.recognition import Search
 from mirrorfold.io.mapping.assembly import assemble
 from mirrorfold.io.mapping.model import Mapping
@@ -71,7 +71,7 @@ def _try(contents: Contents, guess: Guess) -> None:
 
 
 def _with_tables(contents: Contents) -> Contents:
-    """The contents of a table with the tables beside it and their columns added, named by `BESIDE`, file and column."""
+    """The contents of a table, with the tables beside it and their columns by `OTHER_FILE_MARK`, file and column."""
     if contents.reader != "table":
         return contents
     variables = dict(contents.variables)
@@ -82,8 +82,8 @@ def _with_tables(contents: Contents) -> Contents:
             values = np.asarray(read_contents(path, "table").array("table"))
             if np.iscomplexobj(values):
                 continue
-            variables[f"{BESIDE}{path.name}"] = Variable.of(values)
+            variables[f"{OTHER_FILE_MARK}{path.name}"] = Variable.of(values)
             if values.shape[1] > 1:
                 for column in range(values.shape[1]):
-                    variables[f"{BESIDE}{path.name}{BESIDE}{column}"] = Variable.of(values[:, column])
+                    variables[f"{OTHER_FILE_MARK}{path.name}{OTHER_FILE_MARK}{column}"] = Variable.of(values[:, column])
     return replace(contents, variables=variables)

@@ -13,7 +13,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.plausible import length_unit, pitch
 from mirrorfold.common.units import UNITS
-from mirrorfold.io.guessing.proposal import BESIDE, LISTED, Finding, Guess, plain, source
+from mirrorfold.io.guessing.proposal import CERTAINTIES, OTHER_FILE_MARK, Finding, Guess, plain, source
 from mirrorfold.io.mapping.names import (
     CHANNELS,
     COORDINATE,
@@ -51,8 +51,8 @@ class PlaceSearch:
         }
 
     def _found(self, what: str, level: int, why: str) -> None:
-        """Note a finding; `level` is the index of its certainty in `LISTED`."""
-        self.guess.findings.append(Finding(plain(what), LISTED[level], why))
+        """Note a finding; `level` is the index of its certainty in `CERTAINTIES`."""
+        self.guess.findings.append(Finding(plain(what), CERTAINTIES[level], why))
 
     def _rows(self, pattern: re.Pattern[str], lengths: Iterable[int]) -> list[tuple[str, NDArray]]:
         """Rows of finite numbers whose names fit a pattern, and whose lengths are among `lengths`, with their names."""
@@ -70,7 +70,7 @@ class PlaceSearch:
     def _pairs(self, count: int) -> bool:
         """Look for two rows of whole numbers, the antennas of each of `count` channels; whether it succeeded."""
         found: dict[str, str] = {}
-        columns = [name for name, _ in self._rows(CHANNELS, [count]) if name.count(BESIDE) == 2]
+        columns = [name for name, _ in self._rows(CHANNELS, [count]) if name.count(OTHER_FILE_MARK) == 2]
         for n, (side, pattern) in enumerate((("tx", TRANSMIT), ("rx", RECEIVE))):
             rows = self._rows(pattern, [count]) or [
                 (name, np.asarray(self.contents.array(name))) for name in columns[n:]
@@ -229,8 +229,8 @@ class PlaceSearch:
 
 def last_part(name: str) -> str:
     """The last part of a variable's name, or the name of the file beside that holds it, in lower case."""
-    if name.startswith(BESIDE):
-        return name.split(BESIDE)[1].rpartition(".")[0].lower()
+    if name.startswith(OTHER_FILE_MARK):
+        return name.split(OTHER_FILE_MARK)[1].rpartition(".")[0].lower()
     return name.rpartition(".")[2].lower()
 
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import tomli_w
 
-LISTED = ("sure", "likely", "a guess")
+CERTAINTIES = ("sure", "likely", "a guess")
 """How sure a finding is: name, size and values agree; two of these do; only a single one tells it."""
 
 
 @dataclass
 class Finding:
-    """What was inferred about a file, how sure it is (one of `LISTED`), and why."""
+    """What was inferred about a file, how sure it is (one of `CERTAINTIES`), and why."""
 
     what: str
     sure: str
@@ -53,7 +53,7 @@ class Guess:
         return "\n".join([*lines, tomli_w.dumps(self.entries)])
 
 
-BESIDE = "|"
+OTHER_FILE_MARK = "|"
 """First letter of the names of variables that are in other files."""
 
 
@@ -64,7 +64,7 @@ def plain(text: str) -> str:
 
 def source(name: str) -> Any:
     """What a mapping file holds for a row of numbers: the name of a variable, or file and column."""
-    if not name.startswith(BESIDE):
+    if not name.startswith(OTHER_FILE_MARK):
         return name
-    file, _, column = name[1:].partition(BESIDE)
+    file, _, column = name[1:].partition(OTHER_FILE_MARK)
     return {"file": file, "column": int(column)} if column else {"file": file}

@@ -25,7 +25,7 @@ ANGLE_DIGITS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class ArrangedSamples:
     """Samples with named axes, and the mapping and quantities from which the places or angles of these axes are read.
 
     Attributes
@@ -50,7 +50,7 @@ class Measured:
     speed: float
     attrs: dict[str, Any]
 
-    def counted(self, found: int, name: str, axis: str) -> None:
+    def check_count(self, found: int, name: str, axis: str) -> None:
         """Refuse a number of places or angles that differs from the number of samples along an axis."""
         expected = self.s.shape[self.dims.index(axis)]
         if found != expected:
@@ -67,15 +67,15 @@ class Measured:
         return xr.Dataset({"s": (dims, s.astype(np.complex64))}, coords=coords, attrs=self.attrs | attrs)
 
 
-def _matrix(samples: Measured) -> xr.Dataset:
+def _matrix(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of samples with axes for transmitters and receivers."""
     tx, rx = _arrays(samples)
-    samples.counted(len(tx), "tx", "tx")
-    samples.counted(len(rx), "rx", "rx")
+    samples.check_count(len(tx), "tx", "tx")
+    samples.check_count(len(rx), "rx", "rx")
     return samples.sweep(samples.s, ("tx", "rx"), _pair_coords(tx, rx), {})
 
 
-def _arrays(samples: Measured) -> tuple[Array, Array]:
+def _arrays(samples: ArrangedSamples) -> tuple[Array, Array]:
     """Places of the transmitters and of the receivers [m], (tx, 3) and (rx, 3)."""
     mapping = samples.mapping
     tx, rx = mapping.tx or mapping.elements, mapping.rx or mapping.elements
@@ -92,7 +92,7 @@ def _pair_coords(tx: Array, rx: Array) -> dict[str, Any]:
     }
 
 
-def _pairs(samples: Measured) -> xr.Dataset:
+def _pairs(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of a list of channels, as a full matrix; pairs that were not measured are zero, and marked."""
     pairs, quantities = samples.mapping.pairs, samples.quantities
     assert pairs is not None
@@ -100,7 +100,7 @@ def _pairs(samples: Measured) -> xr.Dataset:
     index = []
     for row, places, name in ((pairs.tx, tx, "tx"), (pairs.rx, rx, "rx")):
         numbers = quantities.row(row, f"pairs.{name}", "number")
-        samples.counted(numbers.size, f"pairs.{name}", "pair")
+        samples.check_count(numbers.size, f"pairs.{name}", "pair")
         whole = np.rint(numbers).astype(int) - pairs.base
         bad = np.flatnonzero((whole < 0) | (whole >= len(places)) | (np.rint(numbers) != numbers))
         if bad.size:
@@ -146,40 +146,40 @@ def fill_matrix(
     return full, measured
 
 
-def _moving(samples: Measured) -> xr.Dataset:
+def _moving(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of one moving antenna; a motion compensation to reference ranges is undone."""
     mapping, quantities, s = samples.mapping, samples.quantities, samples.s
     assert mapping.antenna is not None
     antenna = quantities.places(mapping.antenna, "antenna")
-    samples.counted(len(antenna), "antenna", "position")
+    samples.check_count(len(antenna), "antenna", "position")
     coords = {"antenna_position": (("position", "axis"), antenna, {"units": "m"})}
     if mapping.compensation is None:
         return samples.sweep(s, ("position",), coords, {})
     reference = quantities.row(mapping.compensation.range, "compensation.range", "length")
-    samples.counted(reference.size, "compensation.range", "position")
+    samples.check_count(reference.size, "compensation.range", "position")
     s = s * np.exp(-4j * np.pi / samples.speed * samples.frequency[:, None] * reference)
     done = [*samples.attrs["processing"], "motion compensation to a reference range undone"]
     return samples.sweep(s, ("position",), coords, {"processing": done})
 
 
-def _raster(samples: Measured) -> xr.Dataset:
+def _raster(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of beams on a grid of azimuths and elevations, both made rising."""
     s, coords = samples.s, {}
     for at, name in ((-2, "azimuth"), (-1, "elevation")):
         angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")
-        samples.counted(angle.size, name, name)
+        samples.check_count(angle.size, name, name)
         if angle.size > 1 and np.all(np.diff(angle) < 0):
             angle, s = angle[::-1], np.flip(s, at)
         coords[name] = (name, angle, {"units": "degree"})
     return samples.sweep(s, ("azimuth", "elevation"), coords, {"origin": np.array(samples.mapping.origin)})
 
 
-def _beams(samples: Measured) -> xr.Dataset:
+def _beams(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of a list of beams, put on the grid of their angles."""
     angles = []
     for name in ("azimuth", "elevation"):
         angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")
-        samples.counted(angle.size, name, "beam")
+        samples.check_count(angle.size, name, "beam")
         angles.append(angle)
     azimuth, elevation, full = grid_beams(samples.quantities, samples.s, *angles)
     coords = {
@@ -216,7 +216,7 @@ def grid_beams(quantities: Quantities, s: NDArray, azimuth: Array, elevation: Ar
     return columns, rows, full
 
 
-ARRANGEMENTS: dict[tuple[str, ...], Callable[[Measured], xr.Dataset]] = {
+ARRANGEMENTS: dict[tuple[str, ...], Callable[[ArrangedSamples], xr.Dataset]] = {
     ("tx", "rx"): _matrix,
     ("pair",): _pairs,
     ("position",): _moving,

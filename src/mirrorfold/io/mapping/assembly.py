@@ -11,7 +11,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.mapping.arrangements import ARRANGEMENTS, LEADING, Measured
+from mirrorfold.io.mapping.arrangements import ARRANGEMENTS, LEADING, ArrangedSamples
 from mirrorfold.io.mapping.model import Mapping
 from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.mapping.samples import rising, samples_of, to_frequency
@@ -49,7 +49,7 @@ def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
         )
     order = [*(name for name in LEADING if name in dims), "frequency", *arrangement]
     s = np.transpose(s, [dims.index(name) for name in order])
-    sweep = ARRANGEMENTS[arrangement](Measured(quantities, mapping, frequency, s, order, speed, attrs))
+    sweep = ARRANGEMENTS[arrangement](ArrangedSamples(quantities, mapping, frequency, s, order, speed, attrs))
     _check_unit(quantities, mapping, sweep)
     checked = check_sweep(sweep, source=str(contents.path))
     for doubt in unit_doubts(checked):

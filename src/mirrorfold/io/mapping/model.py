@@ -231,7 +231,7 @@ class Pairs(Strict):
     base: Literal[0, 1] = 1
 
 
-class Carried(Strict):
+class RangeAxis(Strict):
     """The ranges [m] of the samples of range profiles, and the carrier [Hz] from which these were mixed down."""
 
     variable: str | None = None
@@ -246,7 +246,7 @@ class Carried(Strict):
         return in_one_unit(content, ("start", "step"))
 
     @model_validator(mode="after")
-    def _one_source(self) -> Carried:
+    def _one_source(self) -> RangeAxis:
         if (self.variable is None) == (self.start is None or self.step is None):
             raise ValueError("give variable, or start and step")
         return self
@@ -290,7 +290,7 @@ class Mapping(Strict):
     s: Samples
     frequency: Row | None = None
     time: Row | None = None
-    range: Carried | None = None
+    range: RangeAxis | None = None
     band: tuple[Annotated[Finite, Quantity("frequency")], Annotated[Finite, Quantity("frequency")]] | None = None
     tx: Places | None = None
     rx: Places | None = None

@@ -26,16 +26,16 @@ NUMBERS = re.compile(
 )
 """Names of all other columns of numbers in these tables; some are NaN where they have no meaning."""
 
-BENT = re.compile(r"curvature|(folded_)?[xyz]m")
+CURVATURE_COLUMNS = re.compile(r"curvature|(folded_)?[xyz]m")
 """Columns that describe the arc of a curved mirror; for straight mirrors they may be NaN."""
 
-WORDS = {"caustic", "chain", "decided", "explanation", "surface", "wall"}
+TEXT_COLUMNS = {"caustic", "chain", "decided", "explanation", "surface", "wall"}
 """Columns of texts."""
 
 ROWS = {"/objects": "point", "/mirrors": "mirror"}
 """The dimension of each table of a reconstruction."""
 
-TOGETHER = {
+COLUMN_GROUPS = {
     "/objects": (("z", "z_initial"), ("passed", "wall")),
     "/mirrors": (
         ("curvature", "xm", "ym", "folded_xm", "folded_ym"),
@@ -53,10 +53,10 @@ MEASURED = {
 }
 """Attributes that are numbers, and a lower bound of each for any radar or sonar [m/s, Hz, m, 1]."""
 
-ENDLESS = ("range_resolution", "ambiguous_range")
+MAY_BE_INFINITE = ("range_resolution", "ambiguous_range")
 """Attributes that may be infinite, as of a sweep with a single frequency."""
 
-DIRECTED = ("radar_position", "array_direction")
+VECTOR_ATTRIBUTES = ("radar_position", "array_direction")
 """Attributes that are a place or a direction."""
 
 COUNTS = {"bounces": 0, "generation": 0, "parent": -1}
@@ -129,10 +129,10 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
             continue
         values = np.asarray(value)
         number = values.ndim == 0 and values.dtype.kind in "fiu"
-        if not number or not values >= least or (np.isinf(values) and name not in ENDLESS):
+        if not number or not values >= least or (np.isinf(values) and name not in MAY_BE_INFINITE):
             what = f"attr {prefix}{name} is {in_message(value)}, expected a number of at least {least:g}"
             raise InputError(f"{source}: {what}; write it in SI units, or leave it out")
-    for name in DIRECTED:
+    for name in VECTOR_ATTRIBUTES:
         value = attrs.get(f"{prefix}{name}")
         if value is None:
             continue
@@ -165,7 +165,7 @@ def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
     """
     for group, row in ROWS.items():
         held = nodes[group].to_dataset(inherit=False)
-        for names in TOGETHER[group]:
+        for names in COLUMN_GROUPS[group]:
             there = [name for name in names if name in held.variables]
             if there and len(there) < len(names):
                 missing = next(name for name in names if name not in there)
@@ -175,12 +175,12 @@ def check_tables(nodes: Mapping[str, xr.DataTree], source: str) -> None:
         bent = np.nan_to_num(held["curvature"].values) != 0.0 if _has_numbers(held, "curvature") else slice(0)
         for name, column in held.variables.items():
             expected = (row, "corner") if "corner_" in str(name) else (row,)
-            ours = name in WORDS or PLACES.fullmatch(str(name)) or NUMBERS.fullmatch(str(name))
+            ours = name in TEXT_COLUMNS or PLACES.fullmatch(str(name)) or NUMBERS.fullmatch(str(name))
             if ours and column.dims != expected:
                 where = f"{source}: {name!r} in the group {group}"
                 raise InputError(f"{where} has dimensions {column.dims}, expected {expected}; fold again")
             wrong = _wrong(str(name), column.values)
-            if wrong is None and BENT.fullmatch(str(name)):
+            if wrong is None and CURVATURE_COLUMNS.fullmatch(str(name)):
                 wrong = unplaced(column.values[bent])
             if wrong is not None:
                 raise InputError(f"{source}: {name!r} in the group {group} holds a value that {wrong}; fold again")
@@ -195,7 +195,7 @@ def _wrong(name: str, values: Any) -> str | None:
     """What is wrong with the values of a column, in words; None where nothing is."""
     if PLACES.fullmatch(name):
         return unplaced(values)
-    if name in WORDS:
+    if name in TEXT_COLUMNS:
         return None if all(isinstance(value, str) for value in values.flat) else "is no text"
     if not NUMBERS.fullmatch(name):
         return None

@@ -41,7 +41,7 @@ PLACE_DIGITS = 9
 
 
 @dataclass
-class Pairs:
+class TableSweep:
     """The content of a table of pairs, of positions or of beams.
 
     Attributes
@@ -59,7 +59,7 @@ class Pairs:
     mapping: dict[str, Any] | None = None
 
 
-def of_spectra(spectra: Spectra) -> Pairs | None:
+def sweep_of_wide_table(spectra: Spectra) -> TableSweep | None:
     """The pairs of a wide table, where ``S_i_j`` was received by i from j; None for spectra of two-ports and others."""
     numbers = []
     for name in spectra.parameters:
@@ -73,13 +73,13 @@ def of_spectra(spectra: Spectra) -> Pairs | None:
     return _arranged(spectra.frequency, np.stack(list(spectra.parameters.values()), axis=-1), tx, rx)
 
 
-def of_lines(
+def sweep_of_long_table(
     path: Path,
     headings: Sequence[str],
     values: NDArray,
     frequency: NDArray[np.float64],
     samples: NDArray[np.complex128],
-) -> Pairs | None:
+) -> TableSweep | None:
     """The content of a long table, `values` (lines, columns), of known frequencies [Hz] and samples (lines,).
 
     None for a table without pairs, places or beams.
@@ -118,7 +118,7 @@ def of_lines(
 
 def _of_one_antenna(
     path: Path, headings: Sequence[str], values: NDArray, frequency: NDArray[np.float64], samples: NDArray
-) -> Pairs | None:
+) -> TableSweep | None:
     """The content of a long table of places of a moving antenna, or of beams; None if it has a single one of them."""
     columns = {
         found[0]: found[1] * values[:, n].real for n, heading in enumerate(headings) if (found := _alone(heading))
@@ -138,7 +138,7 @@ def _of_one_antenna(
         variables["antenna_position"] = Variable.of(places, (), {"units": "m"})
         mapping["antenna"] = {"position": "antenna_position"}
     dims = ("frequency", "beam" if "azimuth" in axes else "position")
-    return Pairs(variables | {"s": Variable.of(s, dims)}, {"s": {"variable": "s", "dims": list(dims)}, **mapping})
+    return TableSweep(variables | {"s": Variable.of(s, dims)}, {"s": {"variable": "s", "dims": list(dims)}, **mapping})
 
 
 def distinct(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -211,13 +211,13 @@ def _places(path: Path, side: str, headings: Sequence[str], values: NDArray) -> 
     return places if seen else None
 
 
-def _arranged(frequency: NDArray[np.float64], s: NDArray, tx: NDArray, rx: NDArray) -> Pairs:
+def _arranged(frequency: NDArray[np.float64], s: NDArray, tx: NDArray, rx: NDArray) -> TableSweep:
     """Samples (frequencies, pairs) as (frequency, tx, rx) if all pairs are there, else as a list of pairs."""
     variables = {"frequency": Variable.of(frequency, ("frequency",), {"units": "Hz"})}
     numbers: Mapping[str, NDArray] = {"tx": np.unique(tx), "rx": np.unique(rx)}
     if tx.size == numbers["tx"].size * numbers["rx"].size:
         cube = np.empty((frequency.size, numbers["tx"].size, numbers["rx"].size), dtype=s.dtype)
         cube[:, np.searchsorted(numbers["tx"], tx), np.searchsorted(numbers["rx"], rx)] = s
-        return Pairs(variables | {"s": Variable.of(cube, ("frequency", "tx", "rx"))})
+        return TableSweep(variables | {"s": Variable.of(cube, ("frequency", "tx", "rx"))})
     variables |= {"s": Variable.of(s, ("frequency", "pair")), "tx": Variable.of(tx), "rx": Variable.of(rx)}
-    return Pairs(variables)
+    return TableSweep(variables)

@@ -87,12 +87,12 @@ def read(path: Path) -> Contents:
     """Read a text table: a variable ``table``, one for each column with a heading, and those of a table of pairs."""
     table = read_table(path)
     spectra, unknown, halves = _spectra(path, table)
-    pairs = pair_tables.of_spectra(spectra) if spectra is not None else None
-    if spectra is not None and pairs is None and len(spectra.parameters) == 1:
+    table_sweep = pair_tables.sweep_of_wide_table(spectra) if spectra is not None else None
+    if spectra is not None and table_sweep is None and len(spectra.parameters) == 1:
         samples = next(iter(spectra.parameters.values()))
-        pairs = pair_tables.of_lines(path, table.headings, table.values, spectra.frequency, samples)
-        spectra = None if pairs is not None else spectra
-    variables = {} if pairs is None else dict(pairs.variables)
+        table_sweep = pair_tables.sweep_of_long_table(path, table.headings, table.values, spectra.frequency, samples)
+        spectra = None if table_sweep is not None else spectra
+    variables = {} if table_sweep is None else dict(table_sweep.variables)
     variables.setdefault("table", Variable.of(table.values))
     for n, heading in enumerate(table.headings):
         variables.setdefault(heading, Variable.of(table.values[:, n]))
@@ -100,7 +100,7 @@ def read(path: Path) -> Contents:
         "unknown headings": [heading for heading in unknown if not pair_tables.is_known(heading)],
         "halves": halves,
     }
-    mapping = None if pairs is None else pairs.mapping
+    mapping = None if table_sweep is None else table_sweep.mapping
     return Contents(path, READER.name, variables, attrs, spectra=spectra, mapping=mapping)
 
 

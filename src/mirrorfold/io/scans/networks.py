@@ -14,7 +14,7 @@ from mirrorfold.io.readers.touchstone import SUFFIX, parameter_name
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class SpectraInMemory:
     """Spectra in memory, with the name that a file of them would have.
 
     Attributes
@@ -40,7 +40,7 @@ def is_network(value: Any) -> bool:
     return type(value).__module__.split(".")[0] == "skrf" and (hasattr(value, "s") or hasattr(value, "ntwk_set"))
 
 
-def held_networks(value: Any) -> dict[str, Held] | None:
+def networks_by_name(value: Any) -> dict[str, SpectraInMemory] | None:
     """The Networks in a Network, a NetworkSet or a list of both, by names of files; None for any other value.
 
     A network without a name gets its number as name, from zero.
@@ -54,7 +54,7 @@ def held_networks(value: Any) -> dict[str, Held] | None:
     if not all(map(is_network, members)):
         return None
     networks = [network for one in members for network in (one.ntwk_set if hasattr(one, "ntwk_set") else [one])]
-    found: dict[str, Held] = {}
+    found: dict[str, SpectraInMemory] = {}
     for number, network in enumerate(networks):
         frequency, s = np.asarray(network.f, dtype=float), np.asarray(network.s)
         ports = s.shape[-1]
@@ -67,5 +67,5 @@ def held_networks(value: Any) -> dict[str, Held] | None:
         parameters = {
             parameter_name(out, into, ports): s[:, out, into] for into in range(ports) for out in range(ports)
         }
-        found[name] = Held(name, Spectra(frequency, parameters))
+        found[name] = SpectraInMemory(name, Spectra(frequency, parameters))
     return found

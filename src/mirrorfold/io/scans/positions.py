@@ -31,14 +31,14 @@ from mirrorfold.io.readers.table import LONGEST_CELL, parse_number
 
 Place = tuple[float, float, float]
 
-GROUPS = {
+COLUMNS_BY_KIND = {
     "pair": ("tx_x", "tx_y", "tx_z", "rx_x", "rx_y", "rx_z"),
     "position": ("x", "y", "z"),
     "beam": ("azimuth", "elevation"),
 }
 """Columns by what they describe: the places of a pair, the position of one antenna, or the direction of a beam."""
 
-ANGLES = GROUPS["beam"]
+ANGLES = COLUMNS_BY_KIND["beam"]
 
 INDICES = ("tx", "rx", "position")
 """Placeholders in a pattern of file names that stand for the number of a place."""
@@ -51,7 +51,7 @@ LISTS = ("file", "files", "measurements", "records", "entries")
 
 
 @dataclass(frozen=True)
-class Line:
+class FilePosition:
     """A line of a table: one file and the places of its antennas.
 
     Attributes
@@ -60,7 +60,7 @@ class Line:
     where : str
         Place of the line, for messages.
     numbers : dict
-        Coordinates by the names in `GROUPS`, in metres and degrees.
+        Coordinates by the names in `COLUMNS_BY_KIND`, in metres and degrees.
     """
 
     file: str
@@ -153,7 +153,7 @@ def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
     return {(name if key == found[0] else key): item for key, item in value.items()}
 
 
-def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None]:
+def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[FilePosition] | None]:
     """Read the description of a scan, and its lines; None for these where the description does not list the files.
 
     Raises
@@ -173,7 +173,7 @@ def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[Line] | None
     return Scan(table=path.name), _read_table(path)
 
 
-def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> Line:
+def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> FilePosition:
     """The line that an entry of a description stands for."""
     where = f"{path}: file[{number}] ({entry.file})"
     unit = UNITS[entry.unit or unit_of_all]
@@ -184,10 +184,10 @@ def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> Line:
             prefix = "" if name == "position" else f"{name}_"
             numbers |= {f"{prefix}{axis}": unit * value for axis, value in zip("xyz", place, strict=False)}
     numbers |= {name: getattr(entry, name) for name in ANGLES if getattr(entry, name) is not None}
-    return Line(entry.file, where, numbers)
+    return FilePosition(entry.file, where, numbers)
 
 
-def _read_table(path: Path) -> list[Line]:
+def _read_table(path: Path) -> list[FilePosition]:
     """The lines of a CSV."""
     try:
         text = read_bytes(path, growth=20.0).decode("utf-8-sig")
@@ -223,7 +223,7 @@ def _read_table(path: Path) -> list[Line]:
                 numbers[name] = unit * value
         if not file:
             raise InputError(f"{path}: line {number}, {line[:80]!r}, names no file")
-        result.append(Line(file, f"{path}: line {number}", numbers))
+        result.append(FilePosition(file, f"{path}: line {number}", numbers))
     return result
 
 
@@ -244,7 +244,7 @@ def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
     if text in FILE_NAMES:
         return "file", 1.0
     match = HEADING.match(text) if len(text) <= LONGEST_CELL else None
-    known = {name for group in GROUPS.values() for name in group}
+    known = {name for group in COLUMNS_BY_KIND.values() for name in group}
     name = match[1].strip().replace(" ", "_") if match else ""
     name = {"az": "azimuth", "el": "elevation"}.get(name, name)
     if match is None or name not in known:
@@ -268,7 +268,7 @@ def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
-def match_pattern(path: Path, scan: Scan, names: Sequence[str]) -> list[Line]:
+def match_pattern(path: Path, scan: Scan, names: Sequence[str]) -> list[FilePosition]:
     """The lines of a scan from the names of its files, by the pattern `scan.files`; other files are ignored.
 
     Raises
@@ -277,7 +277,7 @@ def match_pattern(path: Path, scan: Scan, names: Sequence[str]) -> list[Line]:
         If the pattern is not understood, fits no file, or a number in a file name has no place.
     """
     assert scan.files is not None
-    known = {*INDICES, *(name for group in GROUPS.values() for name in group)}
+    known = {*INDICES, *(name for group in COLUMNS_BY_KIND.values() for name in group)}
     held = PLACEHOLDER.findall(scan.files)
     if not held or not set(held) <= known or len(set(held)) != len(held):
         raise InputError(
@@ -317,14 +317,14 @@ def match_pattern(path: Path, scan: Scan, names: Sequence[str]) -> list[Line]:
                 )
             prefix = "" if name == "position" else f"{name}_"
             numbers |= {f"{prefix}{axis}": float(v) for axis, v in zip("xyz", places[name][index], strict=True)}
-        lines.append(Line(file, f"{path}: {file}", numbers))
+        lines.append(FilePosition(file, f"{path}: {file}", numbers))
     if not lines:
         raise InputError(f"{path}: none of {len(names)} files fits the pattern {scan.files!r}, not {names[:1]}")
     return lines
 
 
-def arranged(path: Path, lines: Sequence[Line]) -> tuple[str, NDArray[np.float64]]:
-    """What the lines describe, "pair", "position" or "beam", and their coordinates, (lines, columns of `GROUPS`).
+def arrangement_of(path: Path, lines: Sequence[FilePosition]) -> tuple[str, NDArray[np.float64]]:
+    """What the lines describe, "pair", "position" or "beam", and their coordinates in the order of `COLUMNS_BY_KIND`.
 
     Raises
     ------
@@ -334,7 +334,7 @@ def arranged(path: Path, lines: Sequence[Line]) -> tuple[str, NDArray[np.float64
     if not lines:
         raise InputError(f"{path}: names no file; add a line for each")
 
-    def kind(line: Line) -> str:
+    def kind(line: FilePosition) -> str:
         if any(name in line.numbers for name in ANGLES):
             return "beam"
         sides = {name[:2] for name in line.numbers if name[:3] in ("tx_", "rx_")}
@@ -352,7 +352,7 @@ def arranged(path: Path, lines: Sequence[Line]) -> tuple[str, NDArray[np.float64
     for line in lines:
         if kind(line) != first:
             raise InputError(f"{line.where}: describes a {kind(line)}, and the lines before it a {first}; keep to one")
-    return first, np.array([[line.numbers.get(name, 0.0) for name in GROUPS[first]] for line in lines])
+    return first, np.array([[line.numbers.get(name, 0.0) for name in COLUMNS_BY_KIND[first]] for line in lines])
 
 
-__all__ = ["Line", "Row", "Scan", "arranged", "match_pattern", "read_positions"]
+__all__ = ["FilePosition", "Row", "Scan", "arrangement_of", "match_pattern", "read_positions"]

@@ -24,8 +24,8 @@ from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
 from mirrorfold.io.readers.pair_tables import distinct
-from mirrorfold.io.scans.networks import Held
-from mirrorfold.io.scans.positions import Line, Scan, arranged, match_pattern, read_positions
+from mirrorfold.io.scans.networks import SpectraInMemory
+from mirrorfold.io.scans.positions import FilePosition, Scan, arrangement_of, match_pattern, read_positions
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, unit_doubts
 
 DEFAULTS = {"pair": "S21", "position": "S11", "beam": "S11"}
@@ -36,7 +36,7 @@ LONGEST_NAME = 1024
 
 
 def import_scan(
-    paths: Sequence[Path] | dict[str, Held],
+    paths: Sequence[Path] | dict[str, SpectraInMemory],
     *,
     positions: str | Path | dict[str, Any] | None,
     parameter: str | None = None,
@@ -46,7 +46,7 @@ def import_scan(
 
     Parameters
     ----------
-    paths : list of Path, or dict of Held
+    paths : list of Path, or dict of SpectraInMemory
         The files, or their folder; or the JSON description alone, with the files beside it; or networks in memory.
     positions : path or dict, optional
         Table or description of the positions; by default the only path is the description.
@@ -76,7 +76,7 @@ def import_scan(
     if lines is None and scan.files is None:
         return _all_pairs(table, scan, files)
     lines = match_pattern(table, scan, list(files)) if lines is None else lines
-    kind, numbers = arranged(table, lines)
+    kind, numbers = arrangement_of(table, lines)
     chosen = _chosen(table, lines, files, listed=listed_all)
     frequency, s = _spectra(chosen, parameter or scan.parameter, kind, progress)
     if scan.time_convention == "exp(-jwt)":
@@ -111,7 +111,7 @@ def import_scan(
     return _checked(xr.Dataset({"s": (("frequency", "tx", "rx"), full)}, coords, attrs), table)
 
 
-Files = dict[str, Path | Held]
+Files = dict[str, Path | SpectraInMemory]
 
 
 def _files(paths: Sequence[Path], table: Path) -> Files:
@@ -130,7 +130,7 @@ def _files(paths: Sequence[Path], table: Path) -> Files:
     return found
 
 
-def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -> list[Path | Held]:
+def _chosen(table: Path, lines: Sequence[FilePosition], files: Files, *, listed: bool) -> list[Path | SpectraInMemory]:
     """The file of each line.
 
     Raises
@@ -139,8 +139,8 @@ def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -
         If a line names no file or several, two lines name the same file, or a file that was given is in no line.
     """
     by_name = {Path(name).name: path for name, path in files.items()}
-    by_name |= {Path(path.name).stem: path for path in files.values() if isinstance(path, Held)}
-    chosen: dict[Path | Held, Line] = {}
+    by_name |= {Path(path.name).stem: path for path in files.values() if isinstance(path, SpectraInMemory)}
+    chosen: dict[Path | SpectraInMemory, FilePosition] = {}
     for number, line in enumerate(lines):
         if len(line.file) > LONGEST_NAME:
             said = f"names a file by {len(line.file)} letters, expected at most {LONGEST_NAME}; name one of the files"
@@ -166,9 +166,9 @@ def _chosen(table: Path, lines: Sequence[Line], files: Files, *, listed: bool) -
     return list(chosen)
 
 
-def read_spectra(path: Path | Held) -> Spectra:
+def read_spectra(path: Path | SpectraInMemory) -> Spectra:
     """Read the scattering parameters in a file of a network analyser, or take them from memory."""
-    if isinstance(path, Held):
+    if isinstance(path, SpectraInMemory):
         return path.spectra
     if touchstone.SUFFIX.search(path.name):
         try:
@@ -186,7 +186,7 @@ def read_spectra(path: Path | Held) -> Spectra:
 
 
 def _spectra(
-    files: Sequence[Path | Held], parameter: str | None, kind: str, progress: Progress | None
+    files: Sequence[Path | SpectraInMemory], parameter: str | None, kind: str, progress: Progress | None
 ) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
     """Frequencies [Hz] and samples (frequencies, files) of the files; all must have the same frequencies."""
     first = read_spectra(files[0])
@@ -217,7 +217,7 @@ def _step(frequency: NDArray[np.float64]) -> float:
     return float(abs(frequency[-1] - frequency[0])) / max(frequency.size - 1, 1) or abs(float(frequency[0]))
 
 
-def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind: str) -> str:
+def _parameter(path: Path | SpectraInMemory, spectra: Spectra, parameter: str | None, kind: str) -> str:
     """Name of the scattering parameter to take: the given one, the only one, or that of `DEFAULTS`."""
     names = list(spectra.parameters)
     if parameter is not None:
@@ -235,9 +235,9 @@ def _parameter(path: Path | Held, spectra: Spectra, parameter: str | None, kind:
     raise InputError(f"{path}: holds {listed(names)}; say which with --parameter")
 
 
-def _once(lines: Sequence[Line], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> None:
+def _once(lines: Sequence[FilePosition], tx: NDArray[np.intp], rx: NDArray[np.intp]) -> None:
     """Refuse two lines with the same pair of places."""
-    seen: dict[tuple[int, int], Line] = {}
+    seen: dict[tuple[int, int], FilePosition] = {}
     for line, pair in zip(lines, zip(tx.tolist(), rx.tolist(), strict=True), strict=True):
         if pair in seen:
             raise InputError(f"{line.where}: gives {line.file} the same places as {seen[pair].where}; correct one")
@@ -266,7 +266,7 @@ def _all_pairs(table: Path, scan: Scan, files: Files) -> xr.Dataset:
     if len(files) != 1:
         raise InputError(f"{table}: gives tx and rx for one file with all pairs, and {len(files)} are given")
     path = next(iter(files.values()))
-    if isinstance(path, Held):
+    if isinstance(path, SpectraInMemory):
         raise InputError(f"{table}: gives tx and rx for a table; the antennas of a network's ports are called ports")
     contents = read_contents(path)
     if "s" not in contents.variables or "frequency" not in contents.variables:
