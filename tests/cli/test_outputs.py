@@ -11,7 +11,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.cli import VERBS, main
-from mirrorfold.io.files import check_output, directory_written_whole, written_whole
+from mirrorfold.io.files import check_output, directory_written_atomically, written_atomically
 
 PLAN = ["plan", "--band", "270e9:300e9", "--points", "401", "--aperture", "0.08", "--pitch", "0.5e-3", "--range", "4"]
 
@@ -43,7 +43,7 @@ def test_nothing_but_files_is_replaced(tmp_path, kind):
     before = os.lstat(path)
     with pytest.raises(mf.InputError, match="is a directory" if kind == "folder" else "would be replaced"):
         check_output(path)
-    with pytest.raises(mf.InputError), written_whole(path) as temporary:
+    with pytest.raises(mf.InputError), written_atomically(path) as temporary:
         temporary.write_text("x")
     after = os.lstat(path)
     assert stat.S_IFMT(after.st_mode) == stat.S_IFMT(before.st_mode)
@@ -52,7 +52,7 @@ def test_nothing_but_files_is_replaced(tmp_path, kind):
 
 def test_a_folder_of_results_replaces_no_pipe_either(tmp_path):
     os.mkfifo(tmp_path / "report.html")
-    with pytest.raises(mf.InputError, match="would be replaced"), directory_written_whole(tmp_path) as directory:
+    with pytest.raises(mf.InputError, match="would be replaced"), directory_written_atomically(tmp_path) as directory:
         (directory / "a.txt").write_text("x")
         (directory / "report.html").write_text("x")
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
@@ -64,13 +64,13 @@ def test_links_are_followed(tmp_path):
     target, link = tmp_path / "there" / "true.txt", tmp_path / "link.txt"
     link.symlink_to(target)
     for text in ("made", "overwritten"):  # the link leads nowhere at first
-        with written_whole(link) as temporary:
+        with written_atomically(link) as temporary:
             assert temporary.parent == target.parent  # on the same disk, so that renaming is atomic
             temporary.write_text(text)
         assert link.is_symlink()
         assert target.read_text() == text
     assert sorted(path.name for path in target.parent.iterdir()) == ["true.txt"]
-    with directory_written_whole(tmp_path) as directory:
+    with directory_written_atomically(tmp_path) as directory:
         (directory / "link.txt").write_text("of a folder")
     assert link.is_symlink()
     assert target.read_text() == "of a folder"

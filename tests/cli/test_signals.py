@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from mirrorfold.common.signals import ended_as_by_ctrl_c, held_signals
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import written_atomically
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 
@@ -80,7 +80,7 @@ def test_what_ends_the_program_leaves_nothing(tmp_path, number, code):
     assert process.returncode == code
     if number == "SIGKILL":
         assert len(os.listdir(out)) == 2
-        with written_whole(out / "another") as temporary:
+        with written_atomically(out / "another") as temporary:
             temporary.write_text("x")
         assert sorted(os.listdir(out)) == ["another", "sweep.nc"]
         return

@@ -12,7 +12,7 @@ import pytest
 
 from mirrorfold.common import cache, leftovers
 from mirrorfold.common.cache import is_signed, signature
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import written_atomically
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs POSIX owners and links")
 
@@ -42,7 +42,7 @@ def aged(path: Path) -> None:
 
 
 def write_there(folder: Path) -> None:
-    with written_whole(folder / "a.txt") as temporary:
+    with written_atomically(folder / "a.txt") as temporary:
         temporary.write_text("x")
 
 

@@ -16,7 +16,7 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.io import load_geometry
-from mirrorfold.io.files import check_output, check_output_directory, directory_written_whole, written_whole
+from mirrorfold.io.files import check_output, check_output_directory, directory_written_atomically, written_atomically
 from mirrorfold.io.own import netcdf
 from mirrorfold.io.readers import hdf5
 
@@ -312,7 +312,7 @@ def test_a_failed_write_leaves_what_was_there(sweep, tmp_path, monkeypatch):
 
 
 def test_a_file_appears_only_when_it_is_complete(tmp_path):
-    with written_whole(tmp_path / "a.txt") as temporary:
+    with written_atomically(tmp_path / "a.txt") as temporary:
         temporary.write_text("whole")
         assert not (tmp_path / "a.txt").exists()
         assert temporary.suffix == ".txt"
@@ -354,11 +354,11 @@ def test_an_input_is_never_overwritten_whatever_it_is_called(tmp_path):
 
 def test_a_directory_appears_only_when_it_is_complete(tmp_path):
     target = tmp_path / "out"
-    with pytest.raises(RuntimeError, match="half way"), directory_written_whole(target) as temporary:
+    with pytest.raises(RuntimeError, match="half way"), directory_written_atomically(target) as temporary:
         (temporary / "a").write_text("1")
         raise RuntimeError("half way")
     assert list(tmp_path.iterdir()) == []
-    with directory_written_whole(target) as temporary:
+    with directory_written_atomically(target) as temporary:
         (temporary / "a").write_text("1")
     assert [path.name for path in target.iterdir()] == ["a"]
 
@@ -366,11 +366,11 @@ def test_a_directory_appears_only_when_it_is_complete(tmp_path):
 def test_a_directory_that_exists_keeps_its_other_files(tmp_path):
     (tmp_path / "notes").write_text("mine")
     (tmp_path / "a").write_text("old")
-    with pytest.raises(RuntimeError, match="half way"), directory_written_whole(tmp_path) as temporary:
+    with pytest.raises(RuntimeError, match="half way"), directory_written_atomically(tmp_path) as temporary:
         (temporary / "a").write_text("new")
         raise RuntimeError("half way")
     assert (tmp_path / "a").read_text() == "old"
-    with directory_written_whole(tmp_path) as temporary:
+    with directory_written_atomically(tmp_path) as temporary:
         (temporary / "a").write_text("new")
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"notes": "mine", "a": "new"}
 

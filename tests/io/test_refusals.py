@@ -143,7 +143,7 @@ def test_a_full_disk_is_told_where_not_even_an_empty_file_can_be_made(tmp_path, 
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(output.Path, "touch", full)
-    with pytest.raises(OSError, match="No space left") as caught, output.written_whole(tmp_path / "a.nc"):
+    with pytest.raises(OSError, match="No space left") as caught, output.written_atomically(tmp_path / "a.nc"):
         pass
     assert caught.value.filename == str(tmp_path / "a.nc")
     assert not list(tmp_path.iterdir())
@@ -227,10 +227,10 @@ def test_outputs_of_another_kind_are_refused(tmp_path, monkeypatch):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     with pytest.raises(mf.InputError, match="leads to itself"):
         output.check_output(tmp_path / "loop")
-    token = output.clobber.set(False)
+    token = output.may_overwrite.set(False)
     (tmp_path / "there.nc").write_text("precious")
     try:
         with pytest.raises(mf.InputError, match="--no-clobber"):
             output.check_output(tmp_path / "there.nc")
     finally:
-        output.clobber.reset(token)
+        output.may_overwrite.reset(token)

@@ -19,7 +19,7 @@ from mirrorfold.common import leftovers
 from mirrorfold.common.cache import signature
 from mirrorfold.common.leftovers import remove, temporary_name, temporary_prefix
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import directory_written_whole, written_whole
+from mirrorfold.io.files import directory_written_atomically, written_atomically
 from mirrorfold.io.own.frame_folder import MARK, FrameFolder
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals and limits")
@@ -167,7 +167,7 @@ def test_a_pipe_among_the_results_of_a_benchmark_is_refused(tmp_path):
 
 def test_what_has_come_since_is_not_replaced_either(tmp_path):
     path = tmp_path / "a.txt"
-    with pytest.raises(InputError, match="would be replaced"), written_whole(path) as temporary:
+    with pytest.raises(InputError, match="would be replaced"), written_atomically(path) as temporary:
         temporary.write_text("x")
         os.mkfifo(path)
     assert names(tmp_path) == ["a.txt"]
@@ -177,7 +177,7 @@ def test_what_has_come_since_is_not_replaced_either(tmp_path):
 def test_a_link_that_leads_to_itself_is_refused(tmp_path):
     (tmp_path / "a").symlink_to("b")
     (tmp_path / "b").symlink_to("a")
-    with pytest.raises(InputError, match="leads to itself"), written_whole(tmp_path / "a") as temporary:
+    with pytest.raises(InputError, match="leads to itself"), written_atomically(tmp_path / "a") as temporary:
         temporary.write_text("x")
     assert (tmp_path / "a").is_symlink()
 
@@ -186,7 +186,10 @@ def test_a_link_that_leads_to_itself_is_refused(tmp_path):
 def test_a_pipe_under_a_name_of_the_system_is_refused(tmp_path):
     reading, writing = os.pipe()
     try:
-        with pytest.raises(InputError, match="is a device, a pipe or a socket"), written_whole(f"/dev/fd/{writing}"):
+        with (
+            pytest.raises(InputError, match="is a device, a pipe or a socket"),
+            written_atomically(f"/dev/fd/{writing}"),
+        ):
             pass
     finally:
         os.close(reading)
@@ -207,7 +210,7 @@ def test_a_file_is_on_the_disk_before_it_gets_its_name(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "fsync", watched_sync)
     monkeypatch.setattr(os, "replace", watched_replace)
-    with written_whole(tmp_path / "a.txt") as temporary:
+    with written_atomically(tmp_path / "a.txt") as temporary:
         temporary.write_text("x")
     assert steps == [("sync", str(temporary)), ("replace", str(temporary)), ("sync", str(tmp_path))]
 
@@ -216,7 +219,7 @@ def test_a_folder_is_replaced_as_one(tmp_path):
     (tmp_path / "notes").write_text("mine")
     for name in ("a", "only before"):
         (tmp_path / name).write_text("old")
-    with directory_written_whole(tmp_path, replaces=["a", "only before", "never"]) as temporary:
+    with directory_written_atomically(tmp_path, replaces=["a", "only before", "never"]) as temporary:
         for name in "ab":
             (temporary / name).write_text("new")
         assert (tmp_path / "only before").read_text() == "old"
@@ -226,7 +229,7 @@ def test_a_folder_is_replaced_as_one(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from mirrorfold.io.files import directory_written_whole
+from mirrorfold.io.files import directory_written_atomically
 
 folder, last = Path(sys.argv[1]), int(sys.argv[2])
 steps = 0
@@ -241,7 +244,7 @@ def watched(function):
         return function(*args, **options)
     return wrapper
 
-with directory_written_whole(folder, replaces=["data", "picture", "third"]) as temporary:
+with directory_written_atomically(folder, replaces=["data", "picture", "third"]) as temporary:
     for name in ("data", "picture", "table"):
         (temporary / name).write_text("new")
     for name in ("replace", "rename", "unlink", "rmdir"):
@@ -265,7 +268,7 @@ def test_a_kill_between_two_files_leaves_no_old_one_beside_a_new_one(tmp_path):
         shown = {path.name: path.read_text() for path in folder.iterdir() if not path.name.startswith(".")}
         assert len(set(shown.values())) <= 1, shown
         seen.append(len(shown))
-        with written_whole(folder / "another") as temporary:
+        with written_atomically(folder / "another") as temporary:
             temporary.write_text("another")
         after = {path.name: path.read_text() for path in folder.iterdir()}
         assert after in ({**old, "another": "another"}, {**new, "another": "another"})
@@ -303,7 +306,7 @@ def test_leftovers_of_the_dead_are_removed_and_nothing_else(tmp_path, monkeypatc
     (tmp_path / "precious").mkdir()
     link = tmp_path / f".mirrorfold-{machine}-{gone}-11111111"
     link.symlink_to(tmp_path / "precious")
-    with written_whole(tmp_path / "a.txt") as temporary:
+    with written_atomically(tmp_path / "a.txt") as temporary:
         temporary.write_text("x")
     assert names(tmp_path) == sorted([*kept, "precious", link.name, "a.txt"])
     old = time.time() - 2 * leftovers.OLD
@@ -325,7 +328,7 @@ def test_names_of_a_folder_that_was_killed_lead_nowhere_else(tmp_path):
     (complete / "data").write_text("new")
     (complete / ".signature").write_text(signature(complete.name))
     (tmp_path / "precious").touch()
-    with written_whole(tmp_path / "out" / "a.txt") as temporary:
+    with written_atomically(tmp_path / "out" / "a.txt") as temporary:
         temporary.write_text("x")
     assert names(tmp_path) == ["out", "precious"]
     assert names(tmp_path / "out") == ["a.txt", "data"]
@@ -339,10 +342,10 @@ def test_a_folder_that_cannot_be_completed_is_in_nobodys_way(tmp_path):
     (complete / ".signature").write_text(signature(complete.name))
     (tmp_path / "data").mkdir()
     for _ in range(2):
-        with written_whole(tmp_path / "a.txt") as temporary:
+        with written_atomically(tmp_path / "a.txt") as temporary:
             temporary.write_text("x")
     (tmp_path / "data").rmdir()
-    with written_whole(tmp_path / "a.txt") as temporary:
+    with written_atomically(tmp_path / "a.txt") as temporary:
         temporary.write_text("x")
     assert names(tmp_path) == ["a.txt", "data"]
     assert (tmp_path / "data").read_text() == "new"
@@ -376,7 +379,7 @@ def test_frames_are_not_lost_when_their_mark_is_written_again(reconstruction, tm
 
 def test_the_longest_names_can_be_written(tmp_path):
     path = tmp_path / f"{'n' * 248}.txt"
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         temporary.write_text("x")
     assert path.read_text() == "x"
     assert len(temporary_name(".txt")) < 100

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from mirrorfold import __version__
 from mirrorfold.benchmarking.scenes import Line
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.io.files import check_output, written_atomically
 
 FILE = "scenes.jsonl"
 """Name of the file of results in the folder of a benchmark."""
@@ -91,7 +91,7 @@ def open_results(path: Path) -> dict[Key, Line]:
     if bad:
         warnings.warn(f"{path}: {bad} of {len(parsed)} lines are damaged, and are made again", stacklevel=2)
     if path.exists():
-        with written_whole(path) as temporary:
+        with written_atomically(path) as temporary:
             temporary.write_text("".join(_text(line) for line in found.values()), encoding="utf-8")
     return found
 

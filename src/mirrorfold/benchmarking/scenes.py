@@ -23,7 +23,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.io import load, save
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import written_atomically
 from mirrorfold.scenes.families import Family, Radar, draw
 from mirrorfold.scoring.score import PlanScore, VolumeScore, score
 from mirrorfold.simulation import simulate
@@ -171,7 +171,7 @@ def _simulated(task: Task, scene: Any, path: Path | None, digest: str) -> xr.Dat
         return kept
     sweep = simulate(scene, **_options(task))
     if path is not None:
-        with written_whole(path) as temporary:
+        with written_atomically(path) as temporary:
             save(sweep, temporary)
             seal(temporary, digest)
     return sweep

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mirrorfold.benchmarking.figures import FIGURES, shown_figures
 from mirrorfold.benchmarking.summaries import Benchmark, FamilyResult
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import written_atomically
 
 TABLES = ("table.csv", "table.json", "table.md")
 """Names of the files."""
@@ -25,7 +25,7 @@ The other figures are in the CSV and JSON files."""
 def write_tables(found: Benchmark, folder: Path) -> list[Path]:
     """Write all tables to an existing folder; returns their paths."""
     paths = [folder / name for name in TABLES]
-    with written_whole(paths[0]) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+    with written_atomically(paths[0]) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(("family", "radar", "method", "failures", "figure", *COLUMNS))
         for result in found.results:
@@ -34,9 +34,9 @@ def write_tables(found: Benchmark, folder: Path) -> list[Path]:
                 rows.writerow((*group, name, *(spread[column] for column in COLUMNS)))
             for step, seconds in result.seconds.items():
                 rows.writerow((*group, f"seconds_{step}", result.scenes, seconds, None, None, None, None))
-    with written_whole(paths[1]) as temporary:
+    with written_atomically(paths[1]) as temporary:
         temporary.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    with written_whole(paths[2]) as temporary:
+    with written_atomically(paths[2]) as temporary:
         temporary.write_text(markdown(found), encoding="utf-8")
     return paths
 

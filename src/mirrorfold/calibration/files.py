@@ -13,7 +13,7 @@ from mirrorfold.calibration.elements import CALIBRATION, ElementCalibration
 from mirrorfold.common.arguments import path_of, wrong_kind
 from mirrorfold.common.reading import check_file, parsed, read_text
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import written_atomically
 
 KIND = "element calibration"
 """The value of `mirrorfold_kind` in a file, by which it is recognised."""
@@ -40,7 +40,7 @@ def save_elements(calibration: ElementCalibration, path: str | Path) -> Path:
             content[field.name] = {"real": value.real.tolist(), "imag": value.imag.tolist()}
         else:
             content[field.name] = value.tolist()
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return path
 

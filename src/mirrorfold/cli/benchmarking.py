@@ -96,7 +96,7 @@ def benchmark(
     output = required(output, "out")
     from mirrorfold.benchmarking.results import FILE
     from mirrorfold.benchmarking.tables import TABLES, write_tables
-    from mirrorfold.io.files import directory_written_whole
+    from mirrorfold.io.files import directory_written_atomically
 
     names = (*TABLES, PICTURE)
     output_directory(output, names=names)
@@ -117,7 +117,7 @@ def benchmark(
         raise KeyboardInterrupt(
             f"interrupted; {steps[0]} of {steps[1]} scenes are done, in {output}; the same command goes on from there"
         ) from None
-    with directory_written_whole(output, replaces=names) as directory:
+    with directory_written_atomically(output, replaces=names) as directory:
         write_tables(result, directory)
         save_figure(mf.plot.benchmark(result), directory / PICTURE)
     files = [output / name for name in (FILE, *names)]
@@ -139,13 +139,13 @@ def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None
         Print the comparison as one JSON object.
     """
     from mirrorfold.benchmarking import compare_benchmarks as compare
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import written_atomically
 
     if output is not None:
         output_file(output, suffixes=PICTURES)
     found = compare(first, second)
     if output is not None:
-        with written_whole(output) as temporary:
+        with written_atomically(output) as temporary:
             save_figure(mf.plot.benchmark_comparison(found), temporary)
     show_result(found, [] if output is None else [output], show_benchmark_comparison, json=json)
 

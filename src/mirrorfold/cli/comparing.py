@@ -31,7 +31,7 @@ def compare(
     json
         Print the comparison as one JSON object.
     """
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import written_atomically
 
     if output is not None:
         output_file(output, inputs=[first, second], suffixes=(".html", *PICTURES))
@@ -45,6 +45,6 @@ def compare(
 
         write_comparison(a, b, output, names=names)
     elif output is not None:
-        with written_whole(output) as temporary:
+        with written_atomically(output) as temporary:
             save_figure(mf.plot.compare(a, b, names=names), temporary, dpi=200)
     show_result(found, [] if output is None else [output], show_comparison, json=json)

@@ -205,13 +205,13 @@ def _is_image(files: list[Path], mapping: str | None, positions: Path | None) ->
 
 def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:
     """Propose a mapping for the first file: print it, and write it if an output is given."""
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import written_atomically
     from mirrorfold.io.guessing.guess import guess_mapping
 
     found = guess_mapping(files[0], reader=reader)
     text = found.to_toml()
     if output is not None:
-        with written_whole(output) as temporary:
+        with written_atomically(output) as temporary:
             temporary.write_text(text, encoding="utf-8")
     written = [] if output is None else [str(output)]
     if json:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import mirrorfold as mf
 from mirrorfold.cli.options import FloorPlanFile, Frame, Output
-from mirrorfold.cli.results import given_plan, read
+from mirrorfold.cli.results import load_plan, read
 from mirrorfold.cli.terminal import say, show_files, show_json
 from mirrorfold.cli.writing import output_file
 from mirrorfold.common.records import Record, fact
@@ -68,7 +68,7 @@ def report(
     output_file(output, inputs=[reconstruction, scene, plan], suffixes=PAGES)
     truth = None if scene is None else mf.load_scene(scene)
     found = mf.pick_frame(read(reconstruction, "reconstruction"), frame)
-    mf.report(found, output, scene=truth, plan=given_plan(plan))
+    mf.report(found, output, scene=truth, plan=load_plan(plan))
     if json:
         show_json(Report(kind="report", bytes=output.stat().st_size, files=[str(output)]))
         return
@@ -146,7 +146,7 @@ def show(
         Print what was drawn as one JSON object.
     """
     from mirrorfold.cli.figures import draw
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import written_atomically
 
     if not 10 <= dpi <= 2400:
         raise InputError(f"--dpi is {dpi}, expected 10 to 2400 dots per inch")
@@ -155,8 +155,8 @@ def show(
     found: Any = mf.load(file)
     if frame is not None:
         found = mf.pick_frame(found, frame)
-    drawn, figure = draw(found, what, truth, floor_db, str(file), given_plan(plan))
-    with written_whole(output) as temporary:
+    drawn, figure = draw(found, what, truth, floor_db, str(file), load_plan(plan))
+    with written_atomically(output) as temporary:
         save_figure(figure, temporary, dpi=dpi, bbox_inches="tight")
     if json:
         show_json(Figure(kind="figure", what=drawn, files=[str(output)]))

@@ -43,7 +43,7 @@ def plan(
     json
         Print all numbers as one JSON object.
     """
-    from mirrorfold.io.files import written_whole
+    from mirrorfold.io.files import written_atomically
 
     if output is not None:
         output_file(output, suffixes=PICTURES)
@@ -58,7 +58,7 @@ def plan(
     if output is not None:
         from mirrorfold.plotting import planning as plot_plan
 
-        with written_whole(output) as temporary:
+        with written_atomically(output) as temporary:
             save_figure(plot_plan.plan(found, roughness=asked.roughness, detection_db=asked.detection_db), temporary)
         files.append(str(output))
     if json:

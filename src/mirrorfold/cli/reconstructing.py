@@ -33,8 +33,8 @@ from mirrorfold.cli.results import (
     SPACE,
     check_export,
     frames_kept,
-    given_mirrors,
-    given_plan,
+    load_mirrors,
+    load_plan,
     parse_grid,
     read,
     report_reconstruction,
@@ -140,7 +140,7 @@ def fold(
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
     netcdf_file(output, inputs=inputs)
     check_export(export, [*inputs, output])
-    known = given_mirrors(mirrors)
+    known = load_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     chosen = {"preset": preset, **given}
@@ -201,7 +201,7 @@ def reconstruct(
     extra = [path for path in (mirrors, plan) if path is not None]
     output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
     check_export(export, [*sweep, *extra])
-    known, walls = given_mirrors(mirrors), given_plan(plan)
+    known, walls = load_mirrors(mirrors), load_plan(plan)
 
     def work(path: Path, folder: Path) -> tuple[xr.DataTree, list[Path]]:
         return _reconstruct_file(path, folder, given, mirrors=known, plan=walls, inputs=extra)
@@ -219,7 +219,7 @@ def _reconstruct_file(
     path: Path, output: Path, given: dict[str, Any], *, mirrors: Any, plan: Any, inputs: list[Path]
 ) -> tuple[xr.DataTree, list[Path]]:
     """Reconstruct the sweep in one file; returns the reconstruction and the files written to the directory `output`."""
-    from mirrorfold.io.files import directory_written_whole
+    from mirrorfold.io.files import directory_written_atomically
 
     reconstruct_sweep = mf.reconstruct  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
@@ -230,7 +230,7 @@ def _reconstruct_file(
         with progress(f"reconstructing {path.name}") as report:
             reconstruction = reconstruct_sweep(measured, mirrors=mirrors, progress=report, **kept, **given)
         reconstruction.attrs["command"] = command.get()
-        with directory_written_whole(output, replaces=NAMES) as directory:
+        with directory_written_atomically(output, replaces=NAMES) as directory:
             results = write_results(reconstruction, directory, plan=plan)
     return reconstruction, [output / name for name in results]
 

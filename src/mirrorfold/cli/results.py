@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import mirrorfold as mf
 from mirrorfold.cli.options import parse_numbers
 from mirrorfold.cli.terminal import remark, say, show_files, show_frames, show_json, show_mirrors
-from mirrorfold.cli.writing import announce
+from mirrorfold.cli.writing import watch_for_overwriting
 from mirrorfold.errors import InputError
 from mirrorfold.plotting.saving import save_figure
 
@@ -166,7 +166,7 @@ def frames_kept(recording: Any, output: Path, inputs: Sequence[Path], settings: 
     kept.remove()
 
 
-def given_mirrors(path: Path | None) -> Any:
+def load_mirrors(path: Path | None) -> Any:
     """The known mirrors in a file: an array of mirrors, or a floor plan, whose walls are matched to the image later."""
     from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
     from mirrorfold.io.plans import is_plan, read_plan
@@ -176,7 +176,7 @@ def given_mirrors(path: Path | None) -> Any:
     return read_plan(path) if is_plan(path) else read_mirrors(path)
 
 
-def given_plan(path: Path | None) -> Any:
+def load_plan(path: Path | None) -> Any:
     """The floor plan in a file; None if no file is given."""
     if path is None:
         return None
@@ -191,7 +191,7 @@ def check_export(path: Path | None, inputs: Iterable[Path]) -> None:
         from mirrorfold.io.exports.results import check_export_path
 
         check_export_path(path, inputs=inputs)
-        announce([path])
+        watch_for_overwriting([path])
 
 
 def write_export(reconstruction: Any, path: Path | None) -> list[Path]:

@@ -68,13 +68,13 @@ def demo(
     """
     from importlib.resources import files as package_files
 
-    from mirrorfold.io.files import directory_written_whole
+    from mirrorfold.io.files import directory_written_atomically
 
     file = DEMO_SCENES[scene]
     names = (file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json")
     output_directory(out, names=names)
     text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
-    with directory_written_whole(out, replaces=names) as directory:
+    with directory_written_atomically(out, replaces=names) as directory:
         (directory / file).write_text(text, encoding="utf-8")
         truth = mf.load_scene(directory / file)
         snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None

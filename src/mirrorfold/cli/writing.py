@@ -56,7 +56,7 @@ def output_file(path: Path, *, inputs: Iterable[Path | None] = (), suffixes: Seq
     from mirrorfold.io.files import check_output
 
     check_output(path, inputs=[one for one in inputs if one is not None], suffixes=suffixes)
-    announce([path])
+    watch_for_overwriting([path])
     return path
 
 
@@ -87,7 +87,7 @@ def output_directory(path: Path, *, names: Iterable[str], inputs: Iterable[Path 
 
     names = list(names)
     check_output_directory(path, names=names, inputs=[one for one in inputs if one is not None])
-    announce(path / name for name in names)
+    watch_for_overwriting(path / name for name in names)
     return path
 
 
@@ -95,7 +95,7 @@ files_before: ContextVar[dict[Path, tuple[int, int]] | None] = ContextVar("files
 """Files that the running verb may overwrite, with their identity when it began; None outside of verbs."""
 
 
-def announce(paths: Iterable[Path]) -> None:
+def watch_for_overwriting(paths: Iterable[Path]) -> None:
     """Remember which of the paths are existing files, to report at the end which of them were overwritten."""
     before = files_before.get()
     if before is not None:
@@ -145,14 +145,14 @@ def with_no_clobber(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def verb(*args: Any, no_clobber: bool = False, **kwargs: Any) -> Any:
-        from mirrorfold.io.files import clobber
+        from mirrorfold.io.files import may_overwrite
 
-        token = clobber.set(not no_clobber)
+        token = may_overwrite.set(not no_clobber)
         try:
             with overwriting_said():
                 return function(*args, **kwargs)
         finally:
-            clobber.reset(token)
+            may_overwrite.reset(token)
 
     verb.__signature__ = signature.replace(  # type: ignore[attr-defined]
         parameters=[*signature.parameters.values(), NO_CLOBBER]

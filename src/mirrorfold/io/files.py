@@ -17,7 +17,7 @@ from mirrorfold.common.reading import files_read
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 
-clobber: ContextVar[bool] = ContextVar("clobber", default=True)
+may_overwrite: ContextVar[bool] = ContextVar("may_overwrite", default=True)
 """Whether existing files may be overwritten; false with ``--no-clobber``."""
 
 
@@ -54,7 +54,7 @@ def check_output(path: str | Path, *, inputs: Iterable[str | Path] = (), suffixe
     if target != path:
         _check_parent(target)
     _check_inputs(path, [*inputs, *(files_read.get() or ())])
-    if not clobber.get() and os.path.lexists(path):
+    if not may_overwrite.get() and os.path.lexists(path):
         raise InputError(f"{path}: is there already, and --no-clobber is given; give another name, or move it away")
     return path
 
@@ -88,7 +88,7 @@ def check_output_directory(path: str | Path, *, names: Iterable[str], inputs: It
 
 
 @contextmanager
-def written_whole(path: str | Path) -> Iterator[Path]:
+def written_atomically(path: str | Path) -> Iterator[Path]:
     """A temporary path to write to, which is renamed to `path` if the block succeeds, and removed if it fails.
 
     The content is on the disk, not only in its cache, before the file is renamed.
@@ -130,7 +130,7 @@ def written_whole(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def directory_written_whole(path: str | Path, *, replaces: Iterable[str] = ()) -> Iterator[Path]:
+def directory_written_atomically(path: str | Path, *, replaces: Iterable[str] = ()) -> Iterator[Path]:
     """A temporary directory to write files to, which move to `path` if the block succeeds, and replace older files.
 
     New files are never mixed with old ones, even if the process is killed. Once the new files are complete and on the
@@ -340,7 +340,7 @@ def _move(source: Path, target: Path) -> None:
     except OSError as error:
         if error.errno != errno.EXDEV:
             raise
-        with written_whole(target) as temporary:
+        with written_atomically(target) as temporary:
             shutil.copyfile(source, temporary)
 
 

@@ -50,7 +50,7 @@ def report(
         If the reconstruction or the scene cannot be used, or the file cannot be written.
     """
     from mirrorfold.folding.frames import pick_frame
-    from mirrorfold.io.files import check_output, written_whole
+    from mirrorfold.io.files import check_output, written_atomically
     from mirrorfold.io.own.checks import check_reconstruction
     from mirrorfold.io.plans import as_plan
     from mirrorfold.reporting.document import LARGEST_IMAGE, title_of, to_document
@@ -73,7 +73,7 @@ def report(
         if len(page) <= LARGEST_PAGE or limit < LARGEST_IMAGE // 64:
             break
         limit //= 2
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return path
 

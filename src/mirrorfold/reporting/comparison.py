@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mirrorfold.describing.comparison import Comparison, compare
-from mirrorfold.io.files import written_whole
+from mirrorfold.io.files import written_atomically
 from mirrorfold.plotting import differences
 
 
@@ -34,7 +34,7 @@ def write_comparison(first: Any, second: Any, path: Path, *, names: tuple[str, s
     picture = io.BytesIO()
     differences.compare(first, second, names=(found.first, found.second)).savefig(picture, format="png", dpi=150)
     page = comparison_page(found, picture.getvalue())
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return path
 

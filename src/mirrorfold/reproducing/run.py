@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from mirrorfold import __version__
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.threads import cpu_count
-from mirrorfold.io.files import check_output_directory, directory_written_whole, written_whole
+from mirrorfold.io.files import check_output_directory, directory_written_atomically, written_atomically
 from mirrorfold.plotting.saving import save_figure
 from mirrorfold.reproducing.catalogue import EXPERIMENTS, Experiment, chosen
 from mirrorfold.reproducing.findings import Findings, Picture, Result
@@ -125,7 +125,7 @@ def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress 
     )
     folder = output / experiment.name
     before = [path.name for path in folder.iterdir() if path.is_file()] if folder.is_dir() else []
-    with directory_written_whole(folder, replaces=before) as directory:
+    with directory_written_atomically(folder, replaces=before) as directory:
         _write(result, found, directory)
     shutil.rmtree(kept, ignore_errors=True)
     with suppress(OSError):  # the folder is not empty if another experiment is unfinished
@@ -148,7 +148,7 @@ def _timed(kept: Path, digest: str) -> Iterator[Callable[[], float]]:
         yield seconds
     except BaseException:
         if kept.is_dir():
-            with suppress(OSError), written_whole(file) as temporary:
+            with suppress(OSError), written_atomically(file) as temporary:
                 temporary.write_text(json.dumps({"digest": digest, "seconds": seconds()}), encoding="utf-8")
         raise
 
@@ -192,6 +192,6 @@ def write_index(output: Path) -> list[Path]:
     texts = index_markdown(results), to_html(results, output)
     paths = [output / name for name in INDEX]
     for path, text in zip(paths, texts, strict=True):
-        with written_whole(path) as temporary:
+        with written_atomically(path) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return paths

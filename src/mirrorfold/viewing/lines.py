@@ -10,7 +10,7 @@ from mirrorfold.common.arcs import arc_through
 from mirrorfold.common.types import Array
 
 
-def plainest(points: Array) -> Array:
+def without_straight_middle(points: Array) -> Array:
     """A given mirror [m] without its middle point, if that lies on the line between its ends; else unchanged."""
     return points[[0, -1]] if len(arc_through(points[0], points[len(points) // 2], points[-1])) == 2 else points
 

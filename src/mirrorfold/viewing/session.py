@@ -29,13 +29,13 @@ from mirrorfold.folding.confident import confident_points, passed_walls
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import load, save
-from mirrorfold.io.files import check_output, directory_written_whole
+from mirrorfold.io.files import check_output, directory_written_atomically
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
 from mirrorfold.tree.half_transparent.transparent import BY_POLARIZATION
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
-from mirrorfold.viewing.lines import line_of, plainest
+from mirrorfold.viewing.lines import line_of, without_straight_middle
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -177,7 +177,7 @@ class Session:
 
     def _edit_state(self) -> dict[str, Any]:
         """The part of a document about editing: controls, their values, given mirrors, and the name to save under."""
-        lines = None if self._lines is None else [plainest(points).tolist() for points in self._lines]
+        lines = None if self._lines is None else [without_straight_middle(points).tolist() for points in self._lines]
         return {
             "editable": self.editable,
             "values": {**self._settings},
@@ -304,7 +304,7 @@ class Session:
         with self._saving:
             command = self.command(settings, None if lines is None else mirrors, output)
             result.attrs["command"] = command
-            with directory_written_whole(output.parent) as folder:
+            with directory_written_atomically(output.parent) as folder:
                 if lines is not None:
                     write_mirrors(lines, folder / mirrors.name)
                 save(result, folder / output.name)

@@ -18,7 +18,7 @@ from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import plans
 from mirrorfold.io.exports import vtk
 from mirrorfold.io.exports.clouds import WRITERS, cloud_file, notes
-from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.io.files import check_output, written_atomically
 from mirrorfold.io.own.checks import check_image, check_reconstruction
 
 PICTURES = (".vti", ".vts")
@@ -84,7 +84,7 @@ def export(
             content = mirrors_file(obj)
         elif suffix in WRITERS:
             content = cloud_file(obj, suffix)
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         if content is not None:
             temporary.write_bytes(content)
         elif isinstance(obj, xr.DataTree):

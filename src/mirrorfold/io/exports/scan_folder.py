@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.arguments import path_of
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import directory_written_whole
+from mirrorfold.io.files import directory_written_atomically
 from mirrorfold.sweep import (
     MONOSTATIC_DIMENSIONS,
     PAIR_DIMENSIONS,
@@ -67,7 +67,7 @@ def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress
     rows[:, 0] = sweep["frequency"].values
     form = "%.17g %.9g %.9g" + (" %.9g %.9g %.9g %.9g %.9g %.9g" if pairs else "")
     head = "! written by mirrorfold\n" + ("! S11 and S22 are not known\n" if pairs else "") + "# Hz S RI R 50\n"
-    with directory_written_whole(folder, replaces=(POSITIONS, DESCRIPTION)) as directory:
+    with directory_written_atomically(folder, replaces=(POSITIONS, DESCRIPTION)) as directory:
         for done, (name, column) in enumerate(zip(names, kept, strict=True), 1):
             sample = s[:, column]
             if pairs:

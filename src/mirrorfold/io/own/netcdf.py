@@ -18,7 +18,7 @@ from mirrorfold.common.arguments import in_message
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import check_room, written_whole
+from mirrorfold.io.files import check_room, written_atomically
 from mirrorfold.io.own.attributes import decoded, storable
 from mirrorfold.io.own.checks import check_image, check_reconstruction, conform_attrs
 from mirrorfold.io.own.steady import SteadyFile
@@ -153,7 +153,7 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
         content = xr.DataTree(check_sweep(obj).assign_attrs(mirrorfold_kind="sweep"))
     content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
     encoding = {node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree}
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         check_room(temporary, _least_size(content))
         with held_signals(), SteadyFile(temporary) as file:
             content.to_netcdf(file, engine=ENGINE, encoding=encoding)

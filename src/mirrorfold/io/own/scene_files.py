@@ -8,7 +8,7 @@ import tomli_w
 from pydantic import TypeAdapter
 
 from mirrorfold.errors import InputError
-from mirrorfold.io.files import check_output, written_whole
+from mirrorfold.io.files import check_output, written_atomically
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.solids import Scene3D
 
@@ -30,6 +30,6 @@ def write_scene(scene: Scene | Scene3D, path: Path) -> Path:
         raise InputError(f"save: got a {type(scene).__name__}, expected a sweep, an image, a reconstruction or a scene")
     check_output(path, suffixes=(".toml",))
     content = TypeAdapter(type(scene)).dump_python(scene, mode="json", exclude_none=True)
-    with written_whole(path) as temporary:
+    with written_atomically(path) as temporary:
         temporary.write_text(tomli_w.dumps(content), encoding="utf-8")
     return path
