@@ -53,6 +53,7 @@ ALLOWED = 0.01
 FAMILIES = ("two walls", "three bounces")
 """Families of random scenes in which the errors that reconstructions state are judged."""
 
+
 def run(work: Work) -> Findings:
     """Perturb given mirrors, then antennas; then compare the errors that reconstructions state with the true errors."""
     draws, scenes, families = work.size(16, 8), work.size(6, 1), work.size(FAMILIES, FAMILIES[:1])
