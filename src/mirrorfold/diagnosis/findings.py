@@ -17,8 +17,7 @@ class Finding:
     name : str
         A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
         "range-reversed", "nan", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
-        "non-uniform-steps", "aliasing", "grating-lobes", "not-reciprocal", "no-echo", "frequency-unit", "angle-unit",
-        "no-phase", "axes-exchanged".
+        "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "axes-exchanged".
     what : str
         A sentence for people.
     sure : float
