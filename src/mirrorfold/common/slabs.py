@@ -124,8 +124,8 @@ def _within(
 ) -> _Factors:
     """The factors of a slab from its permittivity, thickness and roughness."""
     q, cosine = inside(permittivity, angle), np.cos(angle)
-    turn: Array = np.asarray(wavenumber, dtype=float) * np.asarray(thickness, dtype=float)
-    way, straight = np.exp(turn * q.imag) * _phasor(-turn * q.real), _phasor(turn * cosine)
+    turn = np.asarray(wavenumber) * thickness
+    way, straight = _wave(-turn * q), _wave(turn * cosine)
     if not np.any(rms_height):
         smooth = np.ones(())
         return _Factors(way, straight, smooth, smooth, smooth)
@@ -139,11 +139,12 @@ def _within(
     )
 
 
-def _phasor(phase: Array) -> Coefficient:
-    """``exp(j phase)``, by real functions: twice as fast as the complex one."""
-    found = np.empty(np.shape(phase), dtype=complex)
-    found.real, found.imag = np.cos(phase), np.sin(phase)
-    return found
+def _wave(phase: ArrayLike) -> Coefficient:
+    """``exp(j phase)`` by real functions, twice as fast as the complex one; a damped wave has a complex phase."""
+    phase = np.asarray(phase)
+    found = np.empty(phase.shape, dtype=complex)
+    found.real, found.imag = np.cos(phase.real), np.sin(phase.real)
+    return found * np.exp(-phase.imag) if np.iscomplexobj(phase) else found
 
 
 def _coefficients(r: Coefficient, factors: _Factors) -> tuple[Coefficient, Coefficient]:
