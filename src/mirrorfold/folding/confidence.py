@@ -204,9 +204,7 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
         turn = turns(folds[chain], points.initial[seen])
         variance[seen] = turn @ variance[seen] @ np.swapaxes(turn, -1, -2)
         mirror_variance[seen] = place_covariance(points.initial[seen], way)
-    # Behind a curved mirror the cell is wider.
-    width = np.sqrt(np.asarray(view.cell(range_)) ** 2 - view.range_cell**2)
-    cell = np.hypot(view.range_cell, np.maximum(points.growth, 1.0) * width)
+    cell = view.cell(range_, np.maximum(points.growth, 1.0))
     mirror_error = np.sqrt(np.trace(mirror_variance, axis1=1, axis2=2)) / cell
     return np.sqrt(np.einsum("nii->ni", variance + mirror_variance)), mirror_error
 

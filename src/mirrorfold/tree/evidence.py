@@ -90,11 +90,11 @@ class Evidence:
     empty : float
         Share of the cells that fold to places that the radar sees to be empty.
     confirmed : int
-        Of a row in line of sight, the number of cells with echoes that fold to known places and agree with these in
-        range; zero for other rows.
+        Number of cells with echoes that fold to known places and agree with these in range. Like `unconfirmed`, it is
+        counted for curved rows in line of sight alone, and zero for others.
     unconfirmed : int
-        Of a row in line of sight, the number of cells with neither such echoes nor any that fold to empty places.
-    shown : tuple of ShownNew
+        Number of cells with neither such echoes nor any that fold to places seen to be empty.
+    new_echoes : tuple of NewEchoes
         The echoes of the `new` cells, for each chain that ends at the row.
     """
 
@@ -256,9 +256,8 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
         new = (tree.query(place)[0] > reach) & ~contradicted
         cells += filled_cells(view, seen)
         empty += filled_cells(view, seen.take(contradicted))
-        if len(way) == 1:
-            matrix = np.broadcast_to(turns(fold, seen.position), (len(seen), view.dimensions, view.dimensions))
-            arrival = np.einsum("nij,nj->ni", matrix, unit(seen.position - view.radar))
+        if row.curved and len(way) == 1:
+            arrival = np.einsum("nij,nj->ni", turns(fold, seen.position), unit(seen.position - view.radar))
             agrees = _agree_in_range(place, arrival, across, tree, view)
             confirmed += filled_cells(view, seen.take(agrees))
             unconfirmed += filled_cells(view, seen) - filled_cells(view, seen.take(agrees | contradicted))

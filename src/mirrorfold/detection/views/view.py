@@ -82,9 +82,10 @@ class View(ABC):
         """Width of a line of sight [m] at ranges [m]: that of the resolution cell of an image, or the beam radius."""
 
     @abstractmethod
-    def cell(self, range_: Array | float) -> Array:
+    def cell(self, range_: Array | float, growth: Array | float = 1.0) -> Array:
         """Diagonal of the resolution cell [m] at ranges [m]: the size of the echo of a small object.
 
+        Curved mirrors make the cell wider across the line of sight, by the factor `growth`.
         All lengths in the steps after imaging are multiples of it, so that they suit any radar.
         """
 

@@ -160,9 +160,9 @@ class VolumeView(View):
         """The beam's radius at ranges [m], in steps of the scan."""
         return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.dr))).astype(np.intp)
 
-    def cell(self, range_: Array | float) -> Array:
+    def cell(self, range_: Array | float, growth: Array | float = 1.0) -> Array:
         """Diagonal of the resolution cell [m], from the range cell and the diameter of the beam."""
-        return np.hypot(self.range_cell, 2.0 * self.width(range_))
+        return np.hypot(self.range_cell, 2.0 * growth * self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
         """`OPAQUE_RADII` radii of the beam."""
