@@ -53,7 +53,7 @@ test: $(READY) ## run all tests but those of measured times
 test-timing: $(READY) ## compare measured times, on an otherwise idle machine
 	$(PYTHON) -m pytest -m timing
 
-test-quick: $(READY) ## run the tests that take no more than a second each
+test-quick: $(READY) ## run the tests that take no more than a third of a second each
 	$(PYTEST) -m "not slow and not timing"
 
 test-nightly: $(READY) ## run all tests, property tests with new examples and ten times as many

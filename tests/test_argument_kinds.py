@@ -86,6 +86,7 @@ CALLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS)
 def test_the_sentence_says_what_was_given(call, sweep):
     function, words = CALLS[call]
@@ -93,6 +94,7 @@ def test_the_sentence_says_what_was_given(call, sweep):
         function(sweep)
 
 
+@pytest.mark.slow
 def test_truth_and_plans_are_drawn_from_their_files(reconstruction, scene_file, tmp_path):
     walls = tmp_path / "walls.geojson"
     walls.write_text('{"type": "LineString", "coordinates": [[0, 1], [1, 1]]}')

@@ -160,6 +160,7 @@ def test_every_public_function_is_tried(calls):
     assert set(calls.valid) == set(public())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", public())
 def test_an_argument_of_another_kind_is_refused_in_one_sentence(name, calls, tmp_path, monkeypatch):

@@ -77,6 +77,7 @@ def test_voxels_made_in_tiles_are_the_same_to_the_bit(monkeypatch):
     assert whole.values.max() > 0.0
 
 
+@pytest.mark.slow
 def test_a_scan_is_folded_by_its_amplitude_as_by_its_volume():
     sweep = scan(40, 30, 101)
     volume = mf.focus(sweep)
@@ -97,6 +98,7 @@ def test_a_limit_tells_how_many_tiles_there_are_or_refuses():
         mf.focus(sweep, **VOXELS, memory_limit=1e6)
 
 
+@pytest.mark.slow
 def test_rays_in_tiles_give_the_same_sweep(monkeypatch):
     scene = room(11, 21)
     whole = mf.simulate(scene)["s"].values
@@ -164,6 +166,7 @@ def test_full_waves_take_no_limit(files, capsys):
     assert "memory_limit is an option of the solver 'rays'" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_forecast_is_told_before_the_work(files, capsys):
     assert main(["calibrate", "sweep.nc", "-o", "out.nc", "--conjugate", "--verbose"]) == 0
     assert "of memory are forecast (sweep" in capsys.readouterr().err

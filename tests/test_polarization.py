@@ -36,6 +36,7 @@ def both():
     return simulated(polarization="both")
 
 
+@pytest.mark.slow
 def test_two_sweeps_are_one_with_a_dimension_and_image_alike(both, tmp_path):
     te, tm = simulated(), simulated(polarization="TM")
     assert tm.attrs["polarization"] == "TM"
@@ -53,6 +54,7 @@ def test_two_sweeps_are_one_with_a_dimension_and_image_alike(both, tmp_path):
     assert "valid" in mf.info(kept)
 
 
+@pytest.mark.slow
 def test_two_files_become_one_on_the_command_line(both, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     mf.save(simulated(), "te.nc")
@@ -84,6 +86,7 @@ def test_two_files_become_one_on_the_command_line(both, tmp_path, monkeypatch, c
         assert not (tmp_path / "wrong.nc").exists()
 
 
+@pytest.mark.slow
 def test_metal_walls_fold_as_with_one_polarization_to_the_bit(both):
     te = both.isel(polarization=0).drop_vars("polarization")
     image = mf.focus(both)
@@ -108,6 +111,7 @@ def test_sweeps_of_either_time_convention_are_joined_alike(of_the_other_time):
         np.testing.assert_array_equal(joined["s"].sel(polarization=name), sweep["s"])
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_polarizations_is_said(both):
     te, tm = simulated(), simulated(polarization="TM")
     with pytest.raises(InputError, match="without names"):
@@ -159,6 +163,7 @@ def test_an_exported_picture_has_an_array_for_each_polarization(both_images, tmp
             np.testing.assert_allclose(np.frombuffer(content[4:], "<f4"), value.values.ravel())
 
 
+@pytest.mark.slow
 def test_images_of_two_polarizations_are_shown_and_compared_by_te(both_images, tmp_path, capsys):
     path = tmp_path / "image.nc"
     mf.save(both_images, path)

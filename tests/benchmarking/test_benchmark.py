@@ -34,6 +34,7 @@ def forget():
     small_benchmark.calls.clear()
 
 
+@pytest.mark.slow
 def test_every_method_is_judged_on_every_scene():
     found = run("strongest", "nothing")
     assert found.seeds == [0, 1]
@@ -220,6 +221,7 @@ def test_a_result_that_has_changed_is_made_again_and_told_of(tmp_path):
     assert again.results[0].figures == whole.results[0].figures
 
 
+@pytest.mark.slow
 def test_results_of_another_family_of_the_same_name_are_made_again(tmp_path):
     run("strongest", output=tmp_path)
     other = replace(WALL, make=lambda random, radar: [wall("wall", (0.0, 0.5), 0.0, 0.3)])

@@ -52,6 +52,7 @@ def test_the_interval_of_many_values_is_that_of_the_normal_law():
     assert 0.5 * (high + low) == pytest.approx(values.mean(), abs=0.01)
 
 
+@pytest.mark.slow
 def test_ninety_five_intervals_of_a_hundred_hold_the_mean():
     random = np.random.default_rng(2)
     held = [low <= 0.0 <= high for low, high in (interval(random.normal(size=40)) for _ in range(300))]

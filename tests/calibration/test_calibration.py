@@ -100,6 +100,7 @@ def test_nothing_is_bad_in_good_sweeps():
         assert not bad.frequencies.any()
 
 
+@pytest.mark.slow
 def test_the_displacement_of_the_apertures_is_found_from_two_places():
     truth, cable = np.array([3e-3, -2e-3, 0.0]), 0.011
     frequency = np.linspace(270e9, 300e9, 201)
@@ -118,6 +119,7 @@ def test_the_displacement_of_the_apertures_is_found_from_two_places():
     np.testing.assert_allclose(moved["rx_position"], rx + found)
 
 
+@pytest.mark.slow
 def test_errors_of_the_displacement_are_those_that_are_made():
     """Receivers have delays of their own of 0.1 mm, and the samples noise."""
     frequency, tx, rx = np.linspace(270e9, 300e9, 61), line(9, centre=(-0.05, 0, 0)), line(9, centre=(0.05, 0, 0))
@@ -145,6 +147,7 @@ def test_errors_of_the_displacement_are_those_that_are_made():
     assert alone.error[1] == np.inf  # a single place tells of the array's direction alone
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", [(15e-3, -4e-3, 3e-3), (0.0, 8e-3, 0.0)])
 def test_displacements_of_many_wavelengths_are_exact_and_metres_of_cable_are_none(truth):
     frequency, tx, rx = np.linspace(57e9, 64e9, 101), line(9, pitch=2e-3), line(9, pitch=2e-3, centre=(0, 0, 0.01))
@@ -195,6 +198,7 @@ def test_autofocus_leaves_a_sharp_image_sharp():
     assert np.abs(delays).max() < 20 * MICROMETRE
 
 
+@pytest.mark.slow
 def test_other_waves_of_the_same_length_are_calibrated_alike():
     """Half the frequency at half the speed is the same wave: in water, ultrasound or dielectrics too."""
     random = np.random.default_rng(5)

@@ -30,6 +30,7 @@ def session(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_session_from_raw_files_to_a_calibrated_sweep(session, capsys):
     options = ["--background", "empty.nc", "--cable-length", "0.7"]
     sphere = ["--sphere", "sphere.nc", "--sphere-at", "0,0.8", "--save-elements", "array.json"]
@@ -47,6 +48,7 @@ def test_a_session_from_raw_files_to_a_calibrated_sweep(session, capsys):
     np.testing.assert_allclose(mf.load("again.nc")["s"], clean["s"], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_calibrated_sweep_is_not_calibrated_again_with_raw_ones(session, capsys):
     sphere = ["--sphere", "sphere.nc", "--sphere-at", "0,0.8"]
     assert main(["calibrate", "scene.nc", "-o", "clean.nc", "--background", "empty.nc", *sphere]) == 0
@@ -78,6 +80,7 @@ def test_the_sphere_tells_the_cable_by_itself(session, capsys):
     np.testing.assert_allclose(mf.load("moved.nc")["rx_position"], mf.load("scene.nc")["rx_position"], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_gate_and_the_displacement_are_applied(session):
     assert main(["calibrate", "scene.nc", "-o", "gated.nc", "--gate", "0.3:", "--rx-displacement", "0.001,0"]) == 0
     gated, raw = mf.load("gated.nc"), mf.load("scene.nc")

@@ -53,6 +53,7 @@ def test_element_delays_of_two_millimetres_are_recovered_to_20_micrometres(seed)
     assert np.mean(found.tx_delay[good]) == pytest.approx(np.mean(found.rx_delay), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_elements_with_phases_of_their_own_are_told_by_their_envelopes():
     random = np.random.default_rng(5)
     tx_delay, rx_delay = random.uniform(-2e-3, 2e-3, (2, 41))
@@ -92,6 +93,7 @@ def test_delays_do_not_depend_on_the_level_of_the_samples(level):
     assert np.abs(found.tx_delay[:, None] + found.rx_delay - delays[0][:, None] - delays[1]).max() < 1 * MICROMETRE
 
 
+@pytest.mark.slow
 def test_phase_centres_are_found_from_several_places():
     """An antenna that stands elsewhere than stated shows as a delay that depends on the direction."""
     random = np.random.default_rng(3)
@@ -121,6 +123,7 @@ def test_phase_centres_are_found_from_several_places():
     assert np.abs(fresh.tx_delay[:, None] + fresh.rx_delay).max() < 20 * MICROMETRE
 
 
+@pytest.mark.slow
 def test_noise_is_not_taken_for_a_sphere():
     for seed in range(10):
         noise = mf.make_sweep(

@@ -145,6 +145,7 @@ def test_a_moving_antenna_has_its_leakage_at_every_frequency_and_a_background_of
         mf.calibrate.subtract_background(leaking, elsewhere)
 
 
+@pytest.mark.slow
 def test_each_step_does_with_every_frame_of_a_recording_what_it_does_with_one():
     random = np.random.default_rng(0)
     one = sweep_of([(0.1, 0.8), (-0.2, 1.1)], shift=0.04)

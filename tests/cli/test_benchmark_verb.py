@@ -56,6 +56,7 @@ def test_a_table_for_people_and_the_files(run, capsys, tmp_path):
     assert "no difference" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_failures_are_told_and_the_work_is_done(run, capsys):
     assert run("--seeds", "1", "-o", "out", method="wrong") == 0
     printed = capsys.readouterr()
@@ -72,6 +73,7 @@ def test_a_process_that_crashes_is_no_wrong_input(run, capsys):
     assert "because a method crashed or ended it" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_interruption_keeps_what_is_done_and_says_how_to_go_on(run, capsys, tmp_path):
     assert run("--seeds", "0:5", "-o", "out", method="stopped") == 130
     assert capsys.readouterr().err == (

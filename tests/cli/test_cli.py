@@ -365,6 +365,7 @@ def test_dask_is_hidden_from_xarray_only_while_a_verb_runs(monkeypatch):
     assert importlib.util.find_spec("dask") is not None
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:y reach beyond the ambiguous range")
 def test_the_focus_verb_takes_the_settings_of_focusing(tmp_path, sweep):
     path, image = tmp_path / "sweep.nc", tmp_path / "image.nc"

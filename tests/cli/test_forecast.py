@@ -23,6 +23,7 @@ def sweep(tmp_path):
     return mf.save(made, tmp_path / "sweep.nc")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["focus", "reconstruct"])
 def test_a_dry_run_says_what_it_would_take(verb, sweep, capsys):
     given = [verb, str(sweep), "--x", "-0.2:0.2:0.01", "--y", "0.2:0.5:0.01", "--dry-run"]

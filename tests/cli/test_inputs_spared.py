@@ -26,6 +26,7 @@ def refused(arguments, path, capsys):
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["positions.csv", "tx4_rx4.s2p", "scan.toml"])
 def test_import_replaces_nothing_of_the_scan_that_it_reads(sweep, folder, capsys, name):
     mf.save_touchstone(sweep, folder / "scan")
@@ -34,6 +35,7 @@ def test_import_replaces_nothing_of_the_scan_that_it_reads(sweep, folder, capsys
     assert main(["import", "scan", "-o", "scan/sweep.nc"]) == 0
 
 
+@pytest.mark.slow
 def test_import_replaces_neither_positions_nor_mapping_nor_what_these_name(sweep, folder, capsys):
     mf.save_touchstone(sweep, folder / "scan")
     table = folder / "table.dat"  # of no suffix that tells

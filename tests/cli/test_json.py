@@ -137,6 +137,7 @@ def test_three_dimensions(folder, capsys):
     assert score.reachable_m2 - score.hidden.reachable_m2 == pytest.approx(seen, rel=0.03)
 
 
+@pytest.mark.slow
 def test_measured_data(folder, capsys):
     scan = checked(capsys, "export", "sweep.nc", "-o", "scan")
     back = checked(capsys, "import", "scan", "--positions", scan.positions, "-o", "back.nc")
@@ -176,6 +177,7 @@ def test_plan_and_completion(folder, capsys):
             assert verb in found.script
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "posix_spawn"), reason="needs a POSIX shell")
 def test_bash_completes_verbs_and_options(folder):
     script = folder / "completion.bash"
@@ -204,6 +206,7 @@ def test_a_view_says_where_it_is(folder):
     assert check("view", "".join(lines)).address.startswith("http://127.0.0.1:")
 
 
+@pytest.mark.slow
 def test_a_benchmark(folder, capsys, monkeypatch):
     monkeypatch.syspath_prepend(str(folder))
     (folder / "two_methods.py").write_text(
@@ -233,12 +236,14 @@ def test_a_benchmark(folder, capsys, monkeypatch):
     assert (by_name["invented_cells"].difference, by_name["invented_cells"].verdict) == (1.0, "worse")
 
 
+@pytest.mark.slow
 def test_a_figure(folder, capsys):
     if "show" not in VERBS:
         pytest.skip("there is no verb show")
     assert checked(capsys, "show", "reconstruction.nc", "-o", "f.png", "--dpi", "40").files == ["f.png"]
 
 
+@pytest.mark.slow
 def test_options_have_the_same_names_everywhere(capsys):
     """What is written is -o, --output (of demo --out, a folder); all options are explained.
 

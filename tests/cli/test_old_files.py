@@ -148,6 +148,7 @@ def test_an_old_volume_is_described_and_shown(old_volume, capsys):
     assert parameters["fold_minimum_size"] == "0.4"
 
 
+@pytest.mark.slow
 def test_an_old_volume_says_why_it_cannot_be_folded_again(old_volume, capsys):
     assert main(["fold", "old.nc", "-o", "again.nc"]) == 2
     assert "does not hold the volume" in capsys.readouterr().err

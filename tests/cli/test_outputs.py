@@ -79,6 +79,7 @@ def test_links_are_followed(tmp_path):
         check_output(tmp_path / "loose")
 
 
+@pytest.mark.slow
 def test_what_is_overwritten_is_said_and_no_clobber_refuses(folder, capsys):
     arguments = ["export", "sweep.nc", "-o", "scan"]
     assert main(arguments) == 0

@@ -63,6 +63,7 @@ def test_the_presets_of_the_command_line_are_those_of_folding():
     assert get_args(get_args(Preset)[0]) == tuple(PRESETS)
 
 
+@pytest.mark.slow
 def test_only_given_settings_reach_fold(given):
     assert main(["fold", "image.nc", "-o", "out.nc"]) == 0
     assert set(given) == {"sweep", "mirrors", "preset", "progress"}
@@ -109,6 +110,7 @@ def test_a_mirror_file_is_not_overwritten(given, tmp_path, capsys):
     np.testing.assert_array_equal(read_mirrors(tmp_path / "out" / "report.html"), MIRROR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["fold", "reconstruct"])
 def test_help_compiles_and_reads_nothing(verb):
     """The settings of folding are imported for help, the kernels and the file formats are not."""

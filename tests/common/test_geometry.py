@@ -60,12 +60,14 @@ def turn(points, angle, shift):
     return np.asarray(points) @ np.array([[c, s], [-s, c]]) + shift
 
 
+@pytest.mark.slow
 @given(mirrors())
 def test_reflecting_twice_is_the_identity(case):
     on_mirror, normal, p, _ = case
     assert_allclose(reflect(reflect(p, on_mirror, normal), on_mirror, normal), p, **TOLERANCE)
 
 
+@pytest.mark.slow
 @given(mirrors())
 def test_reflection_keeps_distances_and_changes_side(case):
     on_mirror, normal, p, q = case
@@ -76,6 +78,7 @@ def test_reflection_keeps_distances_and_changes_side(case):
     )
 
 
+@pytest.mark.slow
 @given(mirrors())
 def test_points_of_the_mirror_stay(case):
     on_mirror, normal, p, _ = case
@@ -125,6 +128,7 @@ def test_isometries_map_arrays_of_points_of_any_shape():
     assert_allclose(isometry(points), points * [1, -1] + [0, 2])
 
 
+@pytest.mark.slow
 @given(segments())
 def test_the_normal_of_a_segment_is_its_direction_turned_left(segment):
     start, end = segment
@@ -134,6 +138,7 @@ def test_the_normal_of_a_segment_is_its_direction_turned_left(segment):
     assert cross2(end - start, normal) > 0
 
 
+@pytest.mark.slow
 @given(vectors(2), vectors(2), segments())
 def test_two_lines_cross_at_one_point_whichever_is_called_the_ray(origin, target, segment):
     start, end = segment
@@ -171,6 +176,7 @@ def test_shadows_turn_and_move_with_the_scene(origin, target, segment, angle, sh
     assert in_shadow(*moved) == in_shadow(origin, target, start, end)
 
 
+@pytest.mark.slow
 @given(segments(), st.floats(0.05, 0.95), st.floats(0.1, 5.0), st.floats(0.1, 5.0))
 def test_a_point_beyond_the_segment_is_in_its_shadow_and_one_before_it_is_not(segment, along, before, beyond):
     start, end = segment

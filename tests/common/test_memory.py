@@ -75,6 +75,7 @@ def test_files_that_say_nothing_limit_nothing(system):
     assert memory.available_memory() == float("inf")
 
 
+@pytest.mark.slow
 def test_a_limit_of_the_address_space_counts():
     pytest.importorskip("resource")
     script = (
@@ -106,6 +107,7 @@ HUGE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", HUGE)
 def test_a_scene_of_a_billion_is_refused_before_anything_is_made(what):
     pytest.importorskip("resource")

@@ -31,6 +31,7 @@ def test_places_where_lines_meet_themselves(points, place):
         np.testing.assert_allclose(found, place)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**31), st.floats(0.0, 6.3))
 def test_all_pairs_of_pieces_are_compared(seed, angle):
     points = np.random.default_rng(seed).uniform(-1, 1, (7, 2))

@@ -30,6 +30,7 @@ def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["file"])
 def test_what_once_escaped_is_refused(folder, capsys, case):
     shutil.copy(FOLDER / case["file"], folder)

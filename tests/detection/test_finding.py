@@ -22,6 +22,7 @@ def seen():
     return view, find_echoes(view)
 
 
+@pytest.mark.slow
 def test_the_same_question_is_answered_once_and_any_other_anew(seen, monkeypatch):
     view, echoes = seen
     asked = []

@@ -120,6 +120,7 @@ def test_a_range_offset_is_measured():
     assert float(found[0].remedy.split()[-1]) == pytest.approx(1.7, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_range_offset_of_a_small_instrument_is_told_as_exactly_as_its_waves_allow():
     """Waves and lengths 20 times as small, as of sound in a tank, make the same samples; a cable of light stays."""
     large = wrong(scene(0, displaced=True), "cable")
@@ -131,6 +132,7 @@ def test_a_range_offset_of_a_small_instrument_is_told_as_exactly_as_its_waves_al
     assert float(found.fix.split()[-1]) == pytest.approx(1.7, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [1e-30, 1e-22, 1e22, 1e30])
 def test_the_level_of_the_samples_does_not_matter(level):
     sweep = wrong(scene(2, displaced=True), "conjugated")
@@ -277,6 +279,7 @@ def test_a_small_array_is_not_judged():
     assert not judged["waves"]
 
 
+@pytest.mark.slow
 def test_what_waves_do_not_show_is_not_judged():
     """From 20 m the waves at 9 cm of antennas are flat; apertures one above the other differ in nothing in plan."""
     random = np.random.default_rng(0)
@@ -296,6 +299,7 @@ def test_what_waves_do_not_show_is_not_judged():
     assert diagnose(above) == ([], {"waves": True, "exchange": False})
 
 
+@pytest.mark.slow
 def test_a_recording_is_judged_by_its_first_frame_with_echoes():
     one = wrong(scene(2, displaced=True, elements=41), "conjugated")
     recording = one.assign(s=(("frame", *one["s"].dims), np.stack([0 * one["s"].values, one["s"].values])))
@@ -314,6 +318,7 @@ def test_of_a_planar_array_one_row_is_looked_at():
     assert np.ptp(kept[:, 0]) == pytest.approx(4e-3)
 
 
+@pytest.mark.slow
 def test_what_is_broken_is_said_with_its_remedy(tmp_path, monkeypatch, capsys, sweep):
     monkeypatch.chdir(tmp_path)
     samples = sweep["s"].values.copy()
@@ -333,6 +338,7 @@ def test_what_is_broken_is_said_with_its_remedy(tmp_path, monkeypatch, capsys, s
     assert not masked["s"].values[:, 2, 2].any()
 
 
+@pytest.mark.slow
 def test_falling_and_unequal_frequencies(tmp_path, monkeypatch, sweep):
     monkeypatch.chdir(tmp_path)
     sweep.isel(frequency=slice(None, None, -1)).to_netcdf("falling.nc", engine="h5netcdf")

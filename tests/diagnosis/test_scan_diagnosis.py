@@ -66,6 +66,7 @@ def test_walls_alone_tell_which_way_range_runs():
     assert named(frames) == ("range-reversed",)
 
 
+@pytest.mark.slow
 def test_a_scan_of_which_nothing_is_known_is_not_judged():
     sweep = raster_scan(0, leakage=False)
     silent = sweep.drop_attrs().assign_attrs(mirrorfold_kind="sweep")

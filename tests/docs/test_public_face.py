@@ -28,6 +28,7 @@ def public_face(monkeypatch):
     return importlib.import_module("public_face")
 
 
+@pytest.mark.slow
 def test_names_parameters_verbs_and_options_are_the_face(public_face):
     face = public_face.face()
     assert {f"mf.{name}" for name in mf.__all__} <= set(face)
@@ -55,6 +56,7 @@ def test_what_no_longer_works_is_lost(public_face, old, new, said):
     assert public_face.lost(old, new) == said
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is absent")
 def test_sources_are_compared_with_those_of_the_last_tag(public_face, tmp_path, capsys):
     def write(files):

@@ -35,6 +35,7 @@ def test_results_go_to_other_programs(tmp_path, monkeypatch, capsys, scene_file)
     assert np.hypot(points["x"] - place[0], points["y"] - place[1]).min() < 0.05
 
 
+@pytest.mark.slow
 def test_tables_have_a_row_for_each_point_and_each_mirror(tmp_path, monkeypatch, capsys, reconstruction):
     monkeypatch.chdir(tmp_path)
     mf.save(reconstruction, "r.nc")

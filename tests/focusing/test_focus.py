@@ -89,6 +89,7 @@ def test_focus_measures_its_error_and_says_so():
     assert relative_error(image.values, p, sweep["s"].values) <= 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(1, 1), (1, 50), (50, 1), (1, 5000), (5000, 1)])
 def test_a_grid_of_any_shape_gives_the_same_numbers(shape):
     tx = line(41, 0.5e-3)

@@ -38,6 +38,7 @@ def plans_made(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 def test_a_plan_made_from_the_geometry_is_the_one_that_focuses(large, plans_made):
     sweep, settings = large
     wanted = focus(sweep, **settings, plans=PlanCache())
@@ -56,6 +57,7 @@ def test_a_geometry_along_other_dimensions_is_refused(large, name):
         FocusPlan(geometry.assign({name: sweep[name].rename({sweep[name].dims[0]: "other"})}))
 
 
+@pytest.mark.slow
 def test_the_same_geometry_again_needs_no_second_plan_until_the_cache_is_cleared(large, plans_made):
     sweep, settings = large
     plan_cache.clear()

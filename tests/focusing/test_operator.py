@@ -90,6 +90,7 @@ def test_the_sums_over_all_pairs_are_the_formula(name):
     assert np.linalg.norm(_Exact(p).focus(s) - literal) < 1e-6 * np.linalg.norm(literal)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LINES)
 def test_both_directions_are_as_exact(name):
     """The tables of both are the same, and so is the error, in the mean over white images and white samples."""
@@ -103,6 +104,7 @@ def test_both_directions_are_as_exact(name):
     assert 0.6 < samples_error / image_error < 1.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
 def test_the_error_keeps_to_the_tolerance(tolerance):
     p = LINES["one moving antenna"]
@@ -186,6 +188,7 @@ def test_frequencies_and_elements_are_broadcast_and_pairs_not_measured_left_out(
     assert mf.FocusOperator(sweep, x=p.x, y=p.y).shape[0] == p.k.size * len(p.tx)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LINES)
 def test_pylops_finds_them_adjoint(name):
     p = LINES[name]

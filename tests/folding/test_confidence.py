@@ -78,12 +78,14 @@ def test_standard_errors_hold_those_of_the_mirror(found):
     assert_allclose(stated[hidden] ** 2 - own[hidden] ** 2, np.var(places, axis=0), rtol=0.15)
 
 
+@pytest.mark.slow
 def test_a_given_mirror_is_taken_to_stand_where_it_is_drawn(image):
     given = all_points(mf.fold(image, mirrors=[WALL]))
     assert np.isfinite(given["confidence"]).all()
     assert (given["confidence"].values[given["bounces"] > 0] > 0.5).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_doubted_points_stay_in_the_file_alone(image, tmp_path):
     every = all_points(mf.fold(image))
     least = float(np.quantile(every["confidence"], 0.2))
@@ -100,6 +102,7 @@ def test_doubted_points_stay_in_the_file_alone(image, tmp_path):
     assert (about.points, about.doubted) == (kept.sum(), kept.size - kept.sum())
 
 
+@pytest.mark.slow
 def test_scores_leave_doubted_points_out_unless_they_are_asked_for(image):
     scene = parse_scene({"name": "wall", "dimensions": 2, "array": {"kind": "linear", "elements": 8, "pitch": 5e-4},
                            "band": {"start": 290e9, "stop": 300e9, "points": 11}, "surface": [
@@ -110,12 +113,14 @@ def test_scores_leave_doubted_points_out_unless_they_are_asked_for(image):
     assert counts[0] == counts[2] < counts[1] == all_points(folded).sizes["point"]
 
 
+@pytest.mark.slow
 def test_files_of_earlier_versions_show_all_their_points(image):
     folded = mf.fold(image)
     del folded.attrs["fold_min_confidence"]
     assert confident_points(folded).sizes == all_points(folded).sizes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("least", [-0.1, 1.5, float("nan"), "half"])
 def test_what_is_no_probability_is_refused(image, least):
     with pytest.raises(InputError, match=r"min_confidence is .*at least 0 and up to 1"):

@@ -106,6 +106,7 @@ def test_points_near_and_beyond_a_caustic_are_marked() -> None:
     assert growth[1] > 5.0 * abs(width[1])
 
 
+@pytest.mark.slow
 def test_a_caustic_inside_the_scene_is_told_in_one_sentence() -> None:
     bay = np.array([WALLS[0][0], np.add(WALLS[0].mean(axis=0), [0.137, 0.061]), WALLS[0][1]])
     folded = mf.fold(two_walls(), mirrors=[bay, [WALLS[1][0], WALLS[1].mean(axis=0), WALLS[1][1]]])

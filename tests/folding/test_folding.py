@@ -190,6 +190,7 @@ def test_the_grid_grows_to_hold_what_folds_to_outside_of_it(twice):
     assert_allclose(np.diff(twice["x"].values), 0.0075, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_reconstruction_survives_the_disk(folded, tmp_path):
     path = tmp_path / "reconstruction.nc"
     mf.save(folded, path)
@@ -233,6 +234,7 @@ def test_an_image_of_nothing_folds_to_nothing(tmp_path):
     assert mf.load(tmp_path / "nothing.nc")["objects"].dataset.sizes["point"] == 0
 
 
+@pytest.mark.slow
 def test_the_amplitude_of_an_image_is_enough_and_its_unit_nothing(view, folded):
     for image in (np.abs(view), 1e-6 * view):
         result = mf.fold(image.assign_attrs(view.attrs))

@@ -89,6 +89,7 @@ def test_a_sweep_with_frames_is_focused_and_folded_frame_by_frame(sweep, tmp_pat
     np.testing.assert_allclose(2.0 * found["initial/initial"][0], found["initial/initial"][1], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_frames_that_are_done_are_not_done_again(recording, folded, monkeypatch):
     from mirrorfold import reconstruction
 
@@ -153,6 +154,7 @@ def test_reconstruct_writes_one_folder_for_a_recording(sweep, tmp_path, monkeypa
     assert not (tmp_path / "out.frames").exists()
 
 
+@pytest.mark.slow
 def test_frames_of_other_settings_are_made_anew(recording, tmp_path, monkeypatch):
     from mirrorfold.io.own.frame_folder import FrameFolder
 
@@ -213,6 +215,7 @@ def test_every_verb_can_deal_with_a_recording(files, scene_file, capsys):
     assert frame_count(mf.load("again.nc")) == 3
 
 
+@pytest.mark.slow
 def test_a_frame_that_cannot_be_folded_is_named(recording):
     broken = recording.copy()
     broken[1, 5, 5] = np.nan

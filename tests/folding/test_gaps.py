@@ -119,6 +119,7 @@ def test_two_things_with_a_dark_gap_between_them_stay_two(axis):
     assert_allclose(new.amplitude[len(new.amplitude) // 2 - 1 :][:2].max(), 0.2, rtol=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_rough_surface_whose_echoes_are_torn_apart_is_whole_again(seed):
     start, end = np.array([-0.25, 1.5]), np.array([0.25, 1.62])
@@ -142,6 +143,7 @@ def test_a_rough_surface_whose_echoes_are_torn_apart_is_whole_again(seed):
     assert off[closed.interpolated].mean() < off[~closed.interpolated].mean()
 
 
+@pytest.mark.slow
 def test_the_table_says_which_points_they_are_and_the_setting_leaves_them_out():
     scatterers = together(diffuse((-0.25, 1.2), (0.3, 1.3), 3), diffuse((-0.3, 1.8), (-0.1, 1.7), 4))
     image = radar_image(*scatterers, np.arange(-0.8, 0.8, 0.006), np.arange(0.4, 2.4, 0.006))

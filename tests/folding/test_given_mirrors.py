@@ -82,6 +82,7 @@ def test_without_mirrors_the_scene_is_the_initial_image_point_for_point(plan, wi
     assert len(unfolded["x"]) >= len(found["x"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [0, 1])
 def test_with_one_wall_off_its_ghosts_return_and_the_rest_stays_folded(plan, off):
     found = plan.fold()
@@ -106,6 +107,7 @@ def test_with_one_wall_off_its_ghosts_return_and_the_rest_stays_folded(plan, off
     assert_allclose(result["intensity"].sel(**here), result["initial/initial"].sel(**here), rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.02, -0.02])
 @pytest.mark.parametrize("wall", [0, 1])
 def test_with_a_wall_moved_its_ghosts_move_by_twice_as_much_and_none_vanishes(plan, wall, shift):
@@ -128,6 +130,7 @@ def test_with_a_wall_moved_its_ghosts_move_by_twice_as_much_and_none_vanishes(pl
         assert_allclose(way, 2.0 * shift * normal, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_wall_that_only_the_hand_knows_may_be_drawn_outward_of_its_echoes(plan):
     """No mirror is found here: what stands before a given one still hides nothing of what it shows."""
     settings = {"minimum_length": 3.0}
@@ -178,6 +181,7 @@ def test_a_volume_without_its_mirror_is_unfolded_and_a_moved_one_loses_nothing()
     assert held_by(place[hidden & objects], there[through]).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_every_blob_that_is_folded_has_a_point(plan):
     """What the corrected picture shows and the initial image does not, above the pages' floor, is near a point."""
     result = plan.fold()
@@ -192,6 +196,7 @@ def test_every_blob_that_is_folded_has_a_point(plan):
     assert stands.query(places)[0].max() < 2.0 * cell
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mirrors", "said"),
     [

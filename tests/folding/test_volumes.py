@@ -154,6 +154,7 @@ def test_a_moved_plane_moves_what_it_shows_by_twice_as_much(world_volume):
     assert_allclose(ball[1] - ball[0], 2.0 * shift, atol=0.006)
 
 
+@pytest.mark.slow
 def test_without_generations_a_volume_stays_unfolded(world_volume):
     _, volume = world_volume
     result = mf.fold(volume, generations=0)
@@ -176,6 +177,7 @@ def test_the_published_algorithm_runs_on_volumes(world_volume):
     assert score["surfaces"]["ball"]["accuracy_m"] < 0.02
 
 
+@pytest.mark.slow
 def test_the_wall_margin_acts_on_the_picture_of_a_volume_too(world_volume):
     """With a margin that reaches to the ball's image, neither points nor pixels of it are left."""
     _, volume = world_volume
@@ -188,6 +190,7 @@ def test_the_wall_margin_acts_on_the_picture_of_a_volume_too(world_volume):
         assert (len(points_of(result, 1)) > 0) == bright
 
 
+@pytest.mark.slow
 def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     """The voxels by array arithmetic in float64, on a few of them."""
     _, volume = world_volume
@@ -244,6 +247,7 @@ def test_a_result_explains_itself_and_survives_the_disk(tmp_path):
     assert float(near.max()) > 0.2 * float(again["intensity"].max()) * 0.1
 
 
+@pytest.mark.slow
 def test_no_mirror_no_folding():
     world = scene(ball("ball", (0.1, 2.5, 0.0), 0.2), half=6.0, beams=31)
     result = folded(world)
@@ -292,6 +296,7 @@ def test_wrong_volumes_and_settings_are_refused():
         mf.focus(sweep.assign(s=sweep["s"] * np.nan))
 
 
+@pytest.mark.slow
 def test_a_lossy_wall_still_shows_what_is_behind_the_corner():
     world = scene(panel("wall", (0.0, 2.0, 0.0), (-1, -1, 0), 2.0, 1.6, **(BOARD | {"loss_db": 4.0})),
                   ball("ball", (-1.1, 2.0, 0.0), 0.16), half=6.0, beams=31)  # fmt: skip

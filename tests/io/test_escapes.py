@@ -46,6 +46,7 @@ def test_toml_that_is_too_deep_or_too_long(folder, capsys, text):
     refused(capsys, "import", "s.nc", "--mapping", "a.toml", "-o", "o.nc", word="a.toml: is not valid TOML")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", ["[" * 100_000 + "]" * 100_000, '{"mirrors": ' + "9" * 5000 + "}"], ids=["deep", "digits"]
 )
@@ -63,6 +64,7 @@ def test_numbers_of_hundreds_of_digits(folder, capsys):
     refused(capsys, "fold", "i.nc", "--mirrors", "a.geojson", "-o", "o.nc", word="without proper coordinates")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 @pytest.mark.parametrize("suffix", ["", ".nc", ".toml", ".geojson", ".dxf", ".csv", ".npy"])
 def test_pipes_are_not_waited_for(folder, capsys, suffix):
@@ -173,6 +175,7 @@ def null(file, name):
     file.attrs[name] = "null"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [empty, two, null])
 @pytest.mark.parametrize(
     ("file", "name", "arguments"),
@@ -189,6 +192,7 @@ def test_attributes_of_another_kind_do_no_harm(folder, file, name, arguments, ch
     assert main(arguments) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [empty, two])
 @pytest.mark.parametrize(
     ("file", "name", "verb"),
@@ -200,6 +204,7 @@ def test_attributes_that_matter_are_refused(folder, capsys, file, name, verb, ch
     refused(capsys, verb, file, "-o", "o.nc", word=name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "values"),
     [
@@ -235,6 +240,7 @@ def test_cells_far_smaller_than_the_memory(folder, capsys):
     refused(capsys, "fold", "i.nc", "-o", "o.nc", word="GB of memory")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [np.flip, lambda x: np.where(x == x[3], x[5], x), lambda x: np.full_like(x, np.nan)])
 def test_pictures_whose_pixels_stand_anywhere(folder, capsys, change):
     with h5py.File("r.nc", "a") as content:
@@ -243,6 +249,7 @@ def test_pictures_whose_pixels_stand_anywhere(folder, capsys, change):
         refused(capsys, *verb, word="coordinate 'x' ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -266,6 +273,7 @@ def test_facts_of_the_measurement_that_are_none(folder, capsys, name, value):
         refused(capsys, verb, file, *output, word=f"attr {prefix}{name} is ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "word"),
     [
@@ -282,6 +290,7 @@ def test_volumes_without_one_of_their_columns(folder, capsys, folded_scan, place
         refused(capsys, *verb, word=word)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_corners_that_are_not_those_of_the_mirrors(folder, capsys, folded_scan):
     mf.save(folded_scan, "v.nc")

@@ -105,6 +105,7 @@ def cloud_of(points, amplitude, path):
     path.write_bytes("\n".join(head).encode() + binary)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".csv"])
 def test_a_cloud_becomes_a_plan_view_with_a_spot_for_each_point(tmp_path, suffix):
     rng = np.random.default_rng(0)

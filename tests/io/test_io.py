@@ -1,4 +1,4 @@
-"""Files: what goes in comes out, what is broken is said in one sentence, and nothing is ever half written."""
+"""Files: what goes in comes out, and what is broken is said in one sentence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.errors import InputError
 from mirrorfold.io import load_geometry
-from mirrorfold.io.files import check_output, check_output_directory, directory_written_atomically, written_atomically
 from mirrorfold.io.own import netcdf
 from mirrorfold.io.readers import hdf5
 
@@ -73,12 +72,14 @@ def test_a_volume_is_an_image(image, tmp_path):
     xr.testing.assert_equal(mf.load(mf.save(volume, tmp_path / "volume.nc")), volume)
 
 
+@pytest.mark.slow
 def test_a_reconstruction_comes_back_as_it_was(reconstruction, tmp_path):
     loaded = mf.load(mf.save(reconstruction, tmp_path / "reconstruction.nc"))
     xr.testing.assert_identical(loaded, reconstruction)
     assert loaded["objects"]["x"].dims == ("point",)
 
 
+@pytest.mark.slow
 def test_a_reconstruction_without_mirrors_or_objects_comes_back(reconstruction, tmp_path):
     empty = reconstruction.copy()
     empty["/mirrors"] = xr.DataTree(reconstruction["/mirrors"].to_dataset(inherit=False).isel(mirror=slice(0)))
@@ -88,6 +89,7 @@ def test_a_reconstruction_without_mirrors_or_objects_comes_back(reconstruction, 
     assert loaded["objects"]["x"].shape == (0,)
 
 
+@pytest.mark.slow
 def test_places_of_objects_are_not_hidden_behind_the_pixels(reconstruction, tmp_path):
     plain = reconstruction.copy()
     objects = reconstruction["/objects"].to_dataset(inherit=False)
@@ -96,6 +98,7 @@ def test_places_of_objects_are_not_hidden_behind_the_pixels(reconstruction, tmp_
     np.testing.assert_array_equal(loaded["objects"]["x"].values, objects["x"].values)
 
 
+@pytest.mark.slow
 def test_nothing_is_left_to_read_once_a_file_is_loaded(sweep, reconstruction, tmp_path):
     paths = [mf.save(sweep, tmp_path / "a.nc"), mf.save(reconstruction, tmp_path / "b.nc")]
     loaded = [mf.load(path) for path in paths]
@@ -111,6 +114,7 @@ def test_a_file_from_elsewhere_with_s_is_a_sweep(sweep, tmp_path):
     xr.testing.assert_equal(mf.load(tmp_path / "foreign.nc"), sweep)
 
 
+@pytest.mark.slow
 def test_the_data_that_is_shared_is_read(shared_data):
     sweep = mf.load(shared_data / "two_walls_fullwave.nc")
     assert sweep["s"].shape == (401, 161, 161)
@@ -245,6 +249,7 @@ def content(tmp_path_factory):
     return mf.save(sweep, folder / "whole.nc").read_bytes(), folder, sweep
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(share=st.floats(0.0, 1.0, exclude_max=True))
 def test_a_truncated_file_is_refused(content, share):
@@ -293,86 +298,6 @@ def test_damaged_samples_are_noticed(content):
     path = folder / "flipped.nc"
     path.write_bytes(whole.replace(samples, samples[:32] + bytes(32)))
     refused(path, "is damaged")
-
-
-def test_a_failed_write_leaves_what_was_there(sweep, tmp_path, monkeypatch):
-    path = tmp_path / "sweep.nc"
-    mf.save(sweep, path)
-    before = path.read_bytes()
-
-    def fail(self, temporary, **options):
-        temporary.write(b"half of a file")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(xr.DataTree, "to_netcdf", fail)
-    with pytest.raises(OSError, match="No space left"):
-        mf.save(sweep, path)
-    assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_file_appears_only_when_it_is_complete(tmp_path):
-    with written_atomically(tmp_path / "a.txt") as temporary:
-        temporary.write_text("whole")
-        assert not (tmp_path / "a.txt").exists()
-        assert temporary.suffix == ".txt"
-    assert (tmp_path / "a.txt").read_text() == "whole"
-    assert len(list(tmp_path.iterdir())) == 1
-
-
-def test_places_where_nothing_can_be_written_are_refused(sweep, tmp_path):
-    with pytest.raises(InputError, match=r"the directory \S*nowhere does not exist"):
-        mf.save(sweep, tmp_path / "nowhere" / "sweep.nc")
-    with pytest.raises(InputError, match="is a directory"):
-        mf.save(sweep, tmp_path)
-    with pytest.raises(InputError, match="does not exist"):
-        check_output_directory(tmp_path / "nowhere" / "out", names=())
-    (tmp_path / "file").touch()
-    with pytest.raises(InputError, match="is a file"):
-        check_output_directory(tmp_path / "file", names=())
-
-
-def test_a_read_only_directory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("os.access", lambda path, mode: False)
-    with pytest.raises(InputError, match="is read-only"):
-        check_output(tmp_path / "sweep.nc")
-    with pytest.raises(InputError, match="is read-only"):
-        check_output_directory(tmp_path, names=())
-
-
-def test_an_input_is_never_overwritten_whatever_it_is_called(tmp_path):
-    source = tmp_path / "sweep.nc"
-    source.touch()
-    (tmp_path / "link.nc").symlink_to(source)
-    for name in ("sweep.nc", "link.nc", f"../{tmp_path.name}/sweep.nc"):
-        with pytest.raises(InputError, match="is the input itself"):
-            check_output(tmp_path / name, inputs=[source])
-    with pytest.raises(InputError, match="is the input itself"):
-        check_output_directory(tmp_path, names=["sweep.nc"], inputs=[source])
-    assert check_output(tmp_path / "other.nc", inputs=[source]) == tmp_path / "other.nc"
-
-
-def test_a_directory_appears_only_when_it_is_complete(tmp_path):
-    target = tmp_path / "out"
-    with pytest.raises(RuntimeError, match="half way"), directory_written_atomically(target) as temporary:
-        (temporary / "a").write_text("1")
-        raise RuntimeError("half way")
-    assert list(tmp_path.iterdir()) == []
-    with directory_written_atomically(target) as temporary:
-        (temporary / "a").write_text("1")
-    assert [path.name for path in target.iterdir()] == ["a"]
-
-
-def test_a_directory_that_exists_keeps_its_other_files(tmp_path):
-    (tmp_path / "notes").write_text("mine")
-    (tmp_path / "a").write_text("old")
-    with pytest.raises(RuntimeError, match="half way"), directory_written_atomically(tmp_path) as temporary:
-        (temporary / "a").write_text("new")
-        raise RuntimeError("half way")
-    assert (tmp_path / "a").read_text() == "old"
-    with directory_written_atomically(tmp_path) as temporary:
-        (temporary / "a").write_text("new")
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"notes": "mine", "a": "new"}
 
 
 @pytest.mark.parametrize("dims", [("frame", "y", "x"), ("polarization", "frame", "z", "y", "x")])

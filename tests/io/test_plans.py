@@ -138,6 +138,7 @@ def test_plans_lie_over_report_and_figures(reconstruction, tmp_path, monkeypatch
     assert main(["show", "r.nc", "-o", "f.png", "--plan", "none.dxf"]) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_a_plan_in_millimetres_that_says_no_unit_is_told(reconstruction, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

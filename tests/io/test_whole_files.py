@@ -365,6 +365,7 @@ def test_a_folder_that_is_half_removed_does_not_pass_for_a_whole_one(tmp_path, m
     assert len(names(tmp_path)) == 1
 
 
+@pytest.mark.slow
 def test_frames_are_not_lost_when_their_mark_is_written_again(reconstruction, tmp_path):
     """A kill while the mark is written would have the frames pass for those of other settings."""
     (tmp_path / "a.nc").write_text("input")

@@ -101,6 +101,7 @@ def test_before_and_after_have_one_scale_and_equal_axes(reconstruction, scene_fi
     assert path.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_an_empty_reconstruction_can_be_drawn(reconstruction, tmp_path):
     groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
     groups["/mirrors"] = groups["/mirrors"].isel(mirror=slice(0))
@@ -166,6 +167,7 @@ def test_an_image_of_one_column_or_row_is_a_line(image, along):
     assert "dB" in axes.get_ylabel()
 
 
+@pytest.mark.slow
 def test_titles_and_ticks_of_a_narrow_scan_have_room(reconstruction):
     objects, mirrors = (reconstruction[name].to_dataset(inherit=False) for name in ("objects", "mirrors"))
     for table in (objects, mirrors):

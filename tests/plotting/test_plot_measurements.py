@@ -107,6 +107,7 @@ def test_every_kind_of_file_makes_a_figure(
         assert (tmp_path / f"out.{suffix}").read_bytes().startswith(head)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["before-after", "initial", "corrected", "mirrors", "tree", "score"])
 def test_each_part_of_a_reconstruction_can_be_drawn(what, reconstruction, scene_file, tmp_path, capsys):
     mf.save(reconstruction, tmp_path / "r.nc")
@@ -116,6 +117,7 @@ def test_each_part_of_a_reconstruction_can_be_drawn(what, reconstruction, scene_
     assert len(np.unique(np.asarray(Image.open(tmp_path / "x.png")))) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

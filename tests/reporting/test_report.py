@@ -89,6 +89,7 @@ def test_large_images_are_reduced_by_their_strongest_pixels(reconstruction):
     assert_allclose(level[:4, :5] + zero, np.nanmax(block, axis=(1, 3)), atol=0.5)
 
 
+@pytest.mark.slow
 def test_a_page_of_noise_stays_below_six_megabytes(reconstruction, tmp_path):
     random = np.random.default_rng(1)
     y, x = np.linspace(0.0, 3.0, 2400), np.linspace(-2.0, 2.5, 2500)
@@ -193,6 +194,7 @@ def test_text_is_readable_on_its_ground_in_both_themes():
                 assert (light + 0.05) / (dark + 0.05) >= 4.5, (text, ground, block)
 
 
+@pytest.mark.slow
 def test_the_verb_writes_the_page_or_says_why_not(reconstruction, scene_file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     mf.save(reconstruction, "r.nc")

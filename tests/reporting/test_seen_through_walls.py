@@ -45,6 +45,7 @@ def test_points_without_such_walls_have_no_column_for_them(reconstruction, tmp_p
     assert "points_through_walls" not in mf.info(reconstruction)
 
 
+@pytest.mark.slow
 def test_info_tells_of_the_wall_with_its_errors(glass, tmp_path, capsys):
     mf.save(glass, tmp_path / "r.nc")
     assert main(["info", str(tmp_path / "r.nc"), "--json"]) == 0

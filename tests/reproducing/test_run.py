@@ -78,6 +78,7 @@ def two_experiments():
     EXPERIMENTS.update(true)
 
 
+@pytest.mark.slow
 def test_each_experiment_leaves_pictures_data_and_pages(tmp_path):
     found = mf.reproduce("all", output=tmp_path / "out", quick=True)
     assert [one.name for one in found.results] == ["one", "two"]
@@ -110,6 +111,7 @@ def test_the_index_holds_every_claim_and_the_html_page_needs_nothing_else(tmp_pa
     assert not re.search(r"(src|href)=\"(?!data:image/png|#)", html)
 
 
+@pytest.mark.slow
 def test_what_is_complete_is_not_made_again(tmp_path):
     mf.reproduce("one", output=tmp_path / "out")
     mf.reproduce(["two", "one"], output=tmp_path / "out")
@@ -118,6 +120,7 @@ def test_what_is_complete_is_not_made_again(tmp_path):
     assert len(COUNTS["one"]) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["size", "program", "picture", "result"])
 def test_what_is_of_another_size_or_program_or_damaged_is_made_again(tmp_path, change):
     mf.reproduce("one", output=tmp_path / "out")
@@ -131,6 +134,7 @@ def test_what_is_of_another_size_or_program_or_damaged_is_made_again(tmp_path, c
     assert len(COUNTS["one"]) == 4
 
 
+@pytest.mark.slow
 def test_an_interruption_loses_no_more_than_the_step_at_work(tmp_path, capsys):
     STOP["two"] = "between"
     assert main(["reproduce", "-o", str(tmp_path / "out")]) == 130
@@ -144,6 +148,7 @@ def test_an_interruption_loses_no_more_than_the_step_at_work(tmp_path, capsys):
     assert COUNTS == {"one": ["first", "second"], "two": ["first", "second"]}
 
 
+@pytest.mark.slow
 def test_the_time_of_interrupted_runs_counts_unless_another_program_ran(tmp_path):
     STOP["one"] = "between"
     with pytest.raises(KeyboardInterrupt):
@@ -175,6 +180,7 @@ def test_steps_of_another_program_or_damaged_ones_are_made_again(tmp_path):
     assert COUNTS["one"] == ["first"] * 3
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*strong echoes come from")
 @pytest.mark.parametrize("solver", ["rays", "fullwave"])
 def test_sweeps_are_kept_until_the_experiment_is_done(tmp_path, monkeypatch, solver):
@@ -193,6 +199,7 @@ def test_sweeps_are_kept_until_the_experiment_is_done(tmp_path, monkeypatch, sol
         Work(quick=True, folder=tmp_path, digest="1" * 64).sweep(scene, solver=solver)
 
 
+@pytest.mark.slow
 def test_a_full_disk_loses_nothing_that_was_complete(tmp_path, capsys):
     mf.reproduce("all", output=tmp_path / "out")
     before = {path: path.read_bytes() for path in (tmp_path / "out" / "one").iterdir()}

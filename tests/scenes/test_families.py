@@ -36,11 +36,13 @@ def outline_hash(scene):
     return hashlib.sha256(json.dumps(outlines).encode()).hexdigest()[:12]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "seed"), HASHES)
 def test_a_seed_gives_the_scene_that_it_always_gave(family, seed):
     assert outline_hash(draw(family, seed)) == HASHES[family, seed]
 
 
+@pytest.mark.slow
 def test_all_radars_of_the_plane_see_the_same_scene():
     scenes = [draw("two-walls", 3, radar=radar) for radar in IN_PLANE]
     assert len({outline_hash(scene) for scene in scenes}) == 1

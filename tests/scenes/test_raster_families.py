@@ -24,6 +24,7 @@ def body(scene):
     return next(s for s in solids(scene) if scene.surface[s.surface].kind == "mannequin").vertices
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [100, pytest.param(102, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("family", FAMILIES[4:], ids=lambda family: family.name)
 def test_body_is_hidden_and_its_image_is_in_view(family, first):

@@ -36,6 +36,7 @@ def unit(scene):
     return speed_of_light / scene.band.stop * 300.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "seed"), [*QUICK, *MANY], ids=lambda value: getattr(value, "name", value))
 def test_scenes_are_hidden_shown_and_as_large_as_they_say(family, seed):
     scene = draw(family, seed)
@@ -59,12 +60,14 @@ def test_scenes_are_hidden_shown_and_as_large_as_they_say(family, seed):
             assert visible_truth(scene, points, normals, bounces=0)[0].mean() > 0.2
 
 
+@pytest.mark.slow
 def test_there_are_eight_kinds_and_a_seed_gives_its_scene():
     assert len({family.make for family in FAMILIES}) >= 8
     assert draw(FAMILIES[0], 100) == draw("full-wave two walls", 100)
     assert draw(FAMILIES[0], 100).surface != draw(FAMILIES[0], 101).surface
 
 
+@pytest.mark.slow
 def test_by_way_of_fewer_mirrors_what_is_deep_is_not_seen():
     for name, bounces in (("three bounces", 2), ("mirror in mirror in mirror", 3)):
         scene = draw(f"full-wave {name}", 100)
@@ -74,6 +77,7 @@ def test_by_way_of_fewer_mirrors_what_is_deep_is_not_seen():
         assert shown[bounces] > shown[bounces - 1] + 0.09
 
 
+@pytest.mark.slow
 def test_scenes_grow_with_the_wavelength_of_the_radar():
     for radar in ("300 GHz", "79 GHz"):
         scene = draw("full-wave two walls", 100, radar=radar)

@@ -350,6 +350,7 @@ FOIL = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_contrast_of_a_patch_is_the_power_on_it_over_that_around_it():
     """Amplitudes twice as large on the patch: 6 dB. Points before the board, and far aside, do not count."""
     board = {"name": "board", "kind": "box", "center": [0.0, 2.5, 0.0], "size": [1.0, 1.0, 1.0], "material": "pec"}

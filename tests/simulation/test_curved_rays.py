@@ -59,6 +59,7 @@ def test_convex_path_is_the_shortest_one_and_spreads_as_geometrical_optics_says(
     assert paths.caustics[0] == 0
 
 
+@pytest.mark.slow
 def test_concave_paths_are_all_stationary_ones() -> None:
     # Behind the caustic of a wide arc, a point is seen more than once.
     bay = arc((0.0, 0.0), 1.0, 90.0, 80.0)
@@ -142,6 +143,7 @@ def test_field_of_a_concave_mirror_is_that_of_physical_optics(distance: float) -
     assert abs(field - expected) < 0.05 * abs(expected)
 
 
+@pytest.mark.slow
 def test_field_where_two_paths_meet_stays_finite() -> None:
     # Seen askew, the caustic is a fold: at it both paths are limited by Airy's integral.
     bay = arc((0.0, 0.0), 1.0, 90.0, 60.0)

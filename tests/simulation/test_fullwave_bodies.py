@@ -232,6 +232,7 @@ def test_compressed_is_dense_to_the_tolerance_and_reciprocal(slab_and_strip):
 # Scenes
 
 
+@pytest.mark.slow
 def test_the_fields_meet_at_the_face_of_a_slab():
     scene = wall(12, 2.0, 2.56)
     face = 0.05 - WAVELENGTH

@@ -132,6 +132,7 @@ def test_turning_and_shifting_the_world_changes_nothing():
     assert distance(scattered(prepare(moved), K), scattered(prepare(scene), K)) < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*strong echoes")
 def test_long_smooth_wall_is_the_image_of_the_source():
     wall = scene_of({"kind": "segment", "start": [-0.3, 0.1], "end": [0.3, 0.1]}, elements=3, points=2)
@@ -147,6 +148,7 @@ def test_long_smooth_wall_is_the_image_of_the_source():
 # The near field
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*strong echoes")
 def test_near_field_vanishes_on_conductors_and_matches_the_sweep():
     scene = scene_of({"kind": "circle", "center": [0.0, 0.02], "radius": 4e-3}, elements=3)

@@ -76,6 +76,7 @@ def test_sweep_carries_what_it_was_made_with():
     assert "H0(2)(kd)" in sweep.attrs["source_field"]
 
 
+@pytest.mark.slow
 def test_direct_wave_is_the_field_of_a_line_source():
     without, with_ = (mf.simulate(scene_of(STRIP), solver="fullwave", direct=direct)["s"] for direct in (False, True))
     direct = (with_ - without).values
@@ -88,6 +89,7 @@ def test_direct_wave_is_the_field_of_a_line_source():
     np.testing.assert_allclose(direct[:, far], expected, rtol=1 / (8 * k[0] * 3.5e-3))
 
 
+@pytest.mark.slow
 def test_noise_is_added_by_its_level():
     clean, noisy = (mf.simulate(scene_of(STRIP), solver="fullwave", snr_db=snr)["s"].values for snr in (None, 10.0))
     measured = np.mean(np.abs(clean) ** 2) / np.mean(np.abs(noisy - clean) ** 2)
@@ -251,6 +253,7 @@ def pipe(path):
     os.mkfifo(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [spoil_middle, cut_short, one_number, of_its_neighbour, empty, pipe])
 def test_a_result_that_cannot_be_trusted_is_solved_again_and_told_of(tmp_path, monkeypatch, damage):
     scene, folder = scene_of(STRIP, points=3), tmp_path / "done"
@@ -267,6 +270,7 @@ def test_a_result_that_cannot_be_trusted_is_solved_again_and_told_of(tmp_path, m
     np.testing.assert_array_equal(again.view(np.uint64), whole.view(np.uint64))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["00000.npy", "sweep.sha256"])
 def test_a_folder_in_the_place_of_a_result_is_refused_before_the_work(tmp_path, scene_file, capsys, name):
     (tmp_path / "sweep.nc.frequencies" / name / "mine").mkdir(parents=True)
@@ -276,6 +280,7 @@ def test_a_folder_in_the_place_of_a_result_is_refused_before_the_work(tmp_path, 
     assert (tmp_path / "sweep.nc.frequencies" / name / "mine").is_dir()
 
 
+@pytest.mark.slow
 def test_a_pipe_in_the_place_of_the_mark_is_replaced(tmp_path):
     scene, folder = scene_of(STRIP, points=3), tmp_path / "done"
     folder.mkdir()
@@ -284,6 +289,7 @@ def test_a_pipe_in_the_place_of_the_mark_is_replaced(tmp_path):
     assert (folder / "sweep.sha256").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mark", [None, "", "no fingerprint"])
 def test_results_of_another_scene_are_not_mixed_in_though_the_mark_is_lost(tmp_path, mark):
     other = scene_of({**STRIP, "start": [-0.01, 0.06]}, points=3)
@@ -299,6 +305,7 @@ def test_results_of_another_scene_are_not_mixed_in_though_the_mark_is_lost(tmp_p
     np.testing.assert_array_equal(s.view(np.uint64), mf.simulate(scene, solver="fullwave")["s"].values.view(np.uint64))
 
 
+@pytest.mark.slow
 def test_the_folder_of_results_loses_nothing_of_others(tmp_path, scene_file, capsys):
     """What lies in a folder that is given for the results stays, whether the work fails or ends well."""
     folder = tmp_path / "sweep.nc.frequencies"
@@ -310,6 +317,7 @@ def test_the_folder_of_results_loses_nothing_of_others(tmp_path, scene_file, cap
     assert [path.name for path in folder.iterdir()] == ["notes.txt"]
 
 
+@pytest.mark.slow
 def test_dry_run_estimates_and_writes_nothing(scene_file, tmp_path, capsys):
     assert main(["simulate", str(scene_file), "--solver", "fullwave", "--dry-run", "--json", "--workers", "2"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -329,6 +337,7 @@ def test_estimate_grows_with_the_scene():
     assert large.seconds_per_frequency > 1.3 * small.seconds_per_frequency
 
 
+@pytest.mark.slow
 def test_what_fails_before_its_first_result_leaves_no_folder(scene_file, tmp_path, monkeypatch):
     def fail(*_: object, **__: object):
         raise InputError("no cluster")

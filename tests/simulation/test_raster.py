@@ -44,6 +44,7 @@ def test_fast_sum_equals_the_plain_one():
     assert error < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("distance", "turn"), [(3.0, 0.0), (2.2, 40.0)])
 def test_diffuse_wall_that_fills_the_beam_returns_what_lambert_says(distance, turn):
     """``P = lambda^2 Q cos(t) / (pi^2 w^2)``: the integral of the squared intensity over an endless Lambert wall."""
@@ -144,6 +145,7 @@ def test_turning_scene_and_scan_together_changes_nothing():
     assert np.abs(first - second).max() < 1e-4 * np.abs(first).max()
 
 
+@pytest.mark.slow
 def test_a_patch_changes_the_finish_and_nothing_else():
     foil = {"name": "foil", "kind": "patch", "on": "ball", "direction": [0, -1, 0], **STEEL,
             "outline": [[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05]]}  # fmt: skip

@@ -108,6 +108,7 @@ def test_collinear_walls_do_not_mirror_each_other() -> None:
 # Glints
 
 
+@pytest.mark.slow
 @pytest.mark.nojit
 def test_circle_glint_follows_geometrical_optics() -> None:
     radius, distance = 0.1, 8.0
@@ -168,6 +169,7 @@ def test_glint_seen_in_a_mirror_is_the_glint_of_the_mirrored_circle() -> None:
 # Symmetries
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Neighbouring antennas stand")
 def test_sweep_is_reciprocal() -> None:
     s = simulate(busy_scene(elements=9))["s"].values
@@ -203,6 +205,7 @@ def test_seed_makes_the_speckle_reproducible() -> None:
 # What the user sees
 
 
+@pytest.mark.slow
 def test_sweep_keeps_the_contract_and_reports_progress() -> None:
     scene = busy_scene(elements=4)
     calls: list[tuple[int, int]] = []

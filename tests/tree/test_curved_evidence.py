@@ -303,6 +303,7 @@ def test_arcs_that_others_show_are_looked_for_once_more(view, monkeypatch):
     assert {node.line for node in found.tree.walk()} == {None, PILLAR, right}
 
 
+@pytest.mark.slow
 def test_a_pillar_in_an_image_is_a_mirror_if_it_shows_what_is_hidden(monkeypatch):
     """A rough pillar, alone and with what it shows of an object that a screen hides."""
     random = np.random.default_rng(4)

@@ -55,6 +55,7 @@ def mirrors_of(found):
     return [node.line for node in found.tree.walk() if node.line is not None]
 
 
+@pytest.mark.slow
 def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
     """Six cells of wall: too short by itself; an object if what stands behind it is weaker, or one point."""
     for level, count, half, is_mirror in ((12.0, 4, 0.03, True), (-12.0, 4, 0.03, False), (9.0, 1, 0.001, False)):
@@ -69,6 +70,7 @@ def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
             assert len(found.tree.mirrors[0].objects) > 0
 
 
+@pytest.mark.slow
 def test_a_row_that_is_shorter_still_is_none():
     _, found, view, settings, _ = steps_2_to_4(wall(3.5), *objects(12.0))
     assert not mirrors_of(found)
@@ -76,6 +78,7 @@ def test_a_row_that_is_shorter_still_is_none():
     assert not short_rows(found, view, SHORTEST_CELLS * CELL)
 
 
+@pytest.mark.slow
 def test_a_long_wall_is_no_short_row_and_what_curved_mirrors_show_neither():
     first, found, view, *_ = steps_2_to_4(wall(14.0), *objects(12.0))
     assert found is first
@@ -90,6 +93,7 @@ def test_a_long_wall_is_no_short_row_and_what_curved_mirrors_show_neither():
     assert not short_rows(bent, view, SHORTEST_CELLS * CELL)
 
 
+@pytest.mark.slow
 def test_what_would_fold_to_where_the_radar_sees_nothing_is_no_evidence():
     """A wall farther away, in line of sight beside the short row: all between the radar and it is empty."""
     facing = diffuse([0.15 - 3.0 * CELL, 1.0], [0.15 + 3.0 * CELL, 1.0], 1)
@@ -100,6 +104,7 @@ def test_what_would_fold_to_where_the_radar_sees_nothing_is_no_evidence():
     assert not [mirror for mirror in mirrors_of(found) if abs(float(mirror.beside(MIDDLE))) < 0.02]
 
 
+@pytest.mark.slow
 def test_a_shortest_mirror_that_is_given_holds(hidden_behind_short_wall):
     """`minimum_length` switches short rows off; without it the same image has the mirror."""
     image = hidden_behind_short_wall
@@ -110,6 +115,7 @@ def test_a_shortest_mirror_that_is_given_holds(hidden_behind_short_wall):
     assert mf.fold(image, preset="published", minimum_length=1.0)["mirrors"].sizes["mirror"] == 0
 
 
+@pytest.mark.slow
 def test_short_mirrors_stay_when_steps_2_to_4_are_done_again(hidden_behind_short_wall, monkeypatch):
     """As they are without what passed through walls."""
     monkeypatch.setattr(kinds, "guess_transparent", lambda found, view, every, full_pass: full_pass(echoes=every))

@@ -60,6 +60,7 @@ def test_three_bounces_arrive_where_the_targets_are(periscope_tree):
         assert np.linalg.norm(best - target) < 0.004
 
 
+@pytest.mark.slow
 def test_three_bounces_fold_in_an_image(periscope):
     x, y = np.arange(-1.0, 1.0, 0.0075), np.arange(0.5, 4.1, 0.0075)
     result = mf.fold(radar_image(*periscope, x, y))
@@ -123,6 +124,7 @@ def test_a_tree_tells_what_it_holds(periscope_tree):
     assert all(one is node.line for one, node in zip(by_chain[0, 0, 0], nodes[1:], strict=True))
 
 
+@pytest.mark.slow
 def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
     """Against mirrors that are moved and turned at random, each by its own errors."""
     tree, *_ = periscope_tree
@@ -217,6 +219,7 @@ def test_an_image_without_mirrors_has_a_root_alone():
     assert repr(tree) == f"radar: {tree.objects.range.size} object echoes"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_scattered_clutter_is_no_mirror(seed):
     random = np.random.default_rng([seed, 100])

@@ -33,6 +33,7 @@ def counts(tree, range_, u=0.02):
     return int(np.count_nonzero(near))
 
 
+@pytest.mark.slow
 def test_what_is_behind_an_object_is_multiple_scattering(clutter_behind_an_object):
     tree, *_ = tree_of(*clutter_behind_an_object)
     assert counts(tree, 1.8) > 10
@@ -40,6 +41,7 @@ def test_what_is_behind_an_object_is_multiple_scattering(clutter_behind_an_objec
     assert counts(tree, 2.2, u=-0.15) > 0
 
 
+@pytest.mark.slow
 def test_transparent_objects_hide_nothing(clutter_behind_an_object):
     opaque, *_ = tree_of(*clutter_behind_an_object)
     clear, *_ = tree_of(*clutter_behind_an_object, opaque=False)
@@ -50,6 +52,7 @@ def test_transparent_objects_hide_nothing(clutter_behind_an_object):
     assert nearest(seen_by([MIRROR], behind(2.15, 0.08, number=4)), places).max() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("decibel", "kept"), [(14.0, False), (26.0, True)])
 def test_what_is_much_stronger_than_all_before_it_is_an_object_all_the_same(decibel, kept):
     glint = behind(2.15, 0.0, number=1)
@@ -78,6 +81,7 @@ def test_objects_in_line_of_sight_hide_what_is_behind_them_too():
     assert clear.objects.range.max() > 1.35
 
 
+@pytest.mark.slow
 def test_a_row_of_clutter_behind_objects_is_no_mirror():
     screen = np.concatenate([behind(r, 0.2, u=u, number=5) for r, u in ((1.6, 0.01), (1.73, 0.02), (1.86, 0.03))])
     row = behind(2.3, 0.16, number=2)
@@ -111,6 +115,7 @@ def test_echoes_from_inside_a_wall_are_nothing(distance, margin, kept):
     assert tree.objects.range.size == 0
 
 
+@pytest.mark.slow
 def test_the_folded_image_leaves_out_what_is_inside_a_wall():
     x, y = np.arange(-0.7, 0.8, 0.006), np.arange(0.5, 1.8, 0.006)
     image = radar_image(*together(diffuse(*MIRROR, 3), (beyond(0.05), [6.0])), x, y)

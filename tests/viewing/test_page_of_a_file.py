@@ -35,6 +35,7 @@ def test_the_page_says_what_a_new_fold_does_not_know(tmp_path, chromium):
         assert page.get_by_role("note").inner_text() == note
 
 
+@pytest.mark.slow
 def test_nothing_is_said_where_nothing_is_lost(reconstruction):
     assert what_is_lost(reconstruction) == ""
     assert what_is_lost(told("geometry")) == ""

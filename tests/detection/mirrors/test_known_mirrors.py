@@ -73,6 +73,7 @@ def test_without_mirrors_the_scene_is_unfolded(view):
         assert unfolded.attrs["remark"] == ""
 
 
+@pytest.mark.slow
 def test_a_moved_mirror_moves_what_it_shows_by_twice_as_much(view):
     line = ends(mf.fold(view))
     normal = segment_normal(*line[0])
@@ -145,6 +146,7 @@ def test_a_reconstruction_folds_again_as_before(view):
     assert initial_image(first).attrs["normalization"] == "r"
 
 
+@pytest.mark.slow
 def test_known_mixed_path_ghosts_stay_out_when_a_reconstruction_is_folded_again(view):
     first = mf.fold(view)
     held = points(first)
@@ -247,6 +249,7 @@ def test_wrong_settings_are_refused(view):
         mf.fold(view, mirrors=[{"start": [0, 1, 0], "end": [0, 1, 1], "radius": 0.1}])
 
 
+@pytest.mark.slow
 def test_mirrors_may_be_given_as_the_file_has_them(view):
     rows = [{"start": start, "end": end} for start, end in (WALL.tolist(),)]
     assert_allclose(ends(mf.fold(view, mirrors=rows)), ends(mf.fold(view, mirrors=WALL[None])))

@@ -129,6 +129,7 @@ def empty_view() -> ImageView:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_rough_arcs_are_found_with_their_radius(seed: int) -> None:
     random = np.random.default_rng(100 + seed)
@@ -149,6 +150,7 @@ def test_rough_arcs_are_found_with_their_radius(seed: int) -> None:
     assert np.linalg.norm(arcs[0].middle - middle) < 0.05 * radius
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_straight_walls_are_no_arcs(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -160,6 +162,7 @@ def test_straight_walls_are_no_arcs(seed: int) -> None:
     assert not find_arcs(view, echoes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [8.0, 15.0, 25.0])
 def test_two_walls_that_touch_are_no_arc(degrees: float) -> None:
     """As a screen and a wall do in the image, one seen in a mirror before the other."""

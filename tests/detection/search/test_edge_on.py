@@ -36,6 +36,7 @@ def angle_deg(mirror, true):
     return np.degrees(np.arccos(min(1.0, abs(mirror.normal @ segment_normal(*true)))))
 
 
+@pytest.mark.slow
 def test_a_side_wall_is_found_by_the_image_in_it():
     view, echoes, mirrors = scene()
     assert all(angle_deg(mirror, SIDE) > 5.0 for mirror in mirrors)  # its own echoes are too faint
@@ -51,6 +52,7 @@ def test_a_side_wall_is_found_by_the_image_in_it():
     assert 0.0 < found.offset_error < 2e-3
 
 
+@pytest.mark.slow
 def test_the_faint_line_tells_where_the_side_wall_is_if_wall_and_image_are_nearly_parallel():
     """Their crossing is then known to a resolution cell alone."""
     normal = segment_normal(*SIDE)
@@ -64,6 +66,7 @@ def test_the_faint_line_tells_where_the_side_wall_is_if_wall_and_image_are_nearl
     assert found.offset_error < 2e-3
 
 
+@pytest.mark.slow
 def test_a_row_too_short_for_a_mirror_may_be_an_image():
     view, echoes, mirrors = scene()
     wall, image = sorted(mirrors, key=lambda mirror: -mirror.length)[:2]
@@ -89,6 +92,7 @@ def test_a_short_image_tells_a_mirror_whose_line_is_long_enough():
     assert edge_on([wall], [short], view, echoes, 1.1 * found.length) == []
 
 
+@pytest.mark.slow
 def test_the_line_ends_where_it_has_faded_however_dark_it_is_beside_it(monkeypatch):
     """What goes on there, 40 dB weaker, is what bends round the edge of the wall."""
     longer = LineMirror(SIDE[0], SIDE[1] + 0.35 * (SIDE[1] - SIDE[0]))

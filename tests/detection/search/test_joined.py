@@ -54,6 +54,7 @@ def test_distances_from_a_smooth_curve_are_those_from_its_circles():
     np.testing.assert_allclose(beside(flat, points), 0.02, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_halves_share_their_joint_and_tangent_and_are_closer_to_the_truth():
     apart, together = [], []
     for seed in range(60):
@@ -71,6 +72,7 @@ def test_halves_share_their_joint_and_tangent_and_are_closer_to_the_truth():
     assert np.sqrt(np.mean(np.square(together))) < 0.9 * np.sqrt(np.mean(np.square(apart)))
 
 
+@pytest.mark.slow
 def test_standard_errors_are_those_of_many_draws():
     off = []
     for seed in range(60):

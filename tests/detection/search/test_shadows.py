@@ -52,6 +52,7 @@ def test_a_gap_that_nothing_hides_is_the_end_of_a_wall():
     assert longer.length == pytest.approx(part.length, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", [3.6, 4.5])
 def test_nor_is_a_narrow_gap_bridged_that_nothing_hides(cells):
     """Half hidden are cells beside a shadow, of which there is none."""

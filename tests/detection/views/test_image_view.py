@@ -86,6 +86,7 @@ def test_the_cell_across_the_line_of_sight_is_what_a_step_in_u_spans():
         assert_allclose(view.cross_cell(point), np.linalg.norm(ends[1] - ends[0]) / 1e-3 * view.u_cell, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_power_is_smooth_between_samples_of_speckle_and_zero_outside_of_the_view():
     """To a few percent of the brightest, of speckle that was sampled eight times as finely."""
     random = np.random.default_rng(0)
@@ -170,6 +171,7 @@ def test_an_image_that_knows_nothing_of_its_radar_is_seen_from_the_origin():
     assert view.amplitude.max() == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_resolution_cells_are_those_of_a_focused_point_target():
     elements, points, target = 81, 201, np.array([0.0, 1.2])
     position = np.zeros((elements, 3))

@@ -56,6 +56,7 @@ def small(name, columns=120, rows=90):
     return problem(*GEOMETRIES[name], BAND, np.linspace(-1.5, 1.5, columns), np.linspace(0.6, 2.2, rows))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in GEOMETRIES if name != "at right angles"])
 def test_the_fast_path_of_lines_holds_its_tolerance(name, monkeypatch):
     """In full: without the exact kernel's help where the array is far enough away."""

@@ -60,6 +60,7 @@ def test_strips_cover_the_image_once_and_fit(problem):
     assert [strip.rows[1].start for strip in strips[1:]] == [strip.rows[1].stop for strip in strips[:-1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.8, 0.65])
 def test_strips_make_the_same_image_to_the_tolerance(echoes, problem, whole, monkeypatch, share):
     room = share * table_bytes(problem, options_of(problem)[0])
@@ -86,6 +87,7 @@ def test_what_does_not_fit_in_strips_either_is_refused(echoes):
         mf.focus(echoes, **GRID, tolerance=TOLERANCE, memory_limit=1e6)
 
 
+@pytest.mark.slow
 def test_a_dry_run_says_so_and_the_limit_may_have_a_unit(echoes, tmp_path, capsys, monkeypatch):
     path = mf.save(echoes, tmp_path / "sweep.nc")
     grid = ["--x", "-0.4:0.4:0.0012", "--y", "0.15:1:0.0017", "--tolerance", "1e-3"]

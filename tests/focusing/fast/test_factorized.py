@@ -33,6 +33,7 @@ def test_few_samples_tell_a_band_limited_function(tolerance):
     assert 120.0 * np.ptp(position) / np.pi < found.index.size < 120.0 * 1.12 * np.ptp(position) / np.pi + 16
 
 
+@pytest.mark.slow
 def test_factorized_path_for_one_antenna_moved_over_a_plane(divide_always):
     tx = plane(21, 17, 1.5e-3)
     x, y, z = np.linspace(-0.2, 0.2, 40), np.linspace(0.5, 1.4, 60), np.linspace(-0.1, 0.15, 30)

@@ -23,6 +23,7 @@ from mirrorfold.io.guessing.proposal import Guess
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(
     names=st.sampled_from(
@@ -105,6 +106,7 @@ def test_a_proposal_writes_any_name_so_that_it_is_read_again():
     assert tomllib.loads(guess.to_toml()) == guess.entries
 
 
+@pytest.mark.slow
 def test_proposals_for_real_files_make_sweeps(shared_data, tmp_path):
     for name in ("arim/contact_notch_aluminium.mat", "gotcha/data_3dsar_pass1_az001_HH.mat", "merit/B0_P3_p000.csv",
                  "acconeer/corner-reflector.h5"):  # fmt: skip

@@ -20,6 +20,7 @@ from mirrorfold.io.mapping.model import load_mapping, shipped
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30))
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(
     order=st.permutations(AXES),
@@ -86,6 +87,7 @@ def test_axes_are_renamed_turned_and_selected(tmp_path, measured):
     same(mf.import_data(tmp_path / "d.npz", mapping=mapping), f, tx, rx, s)
 
 
+@pytest.mark.slow
 def test_a_half_matrix_becomes_a_full_one_by_reciprocity(tmp_path):
     f, place = np.linspace(290e9, 300e9, 11), line_of(6)
     s = echo(f, place, place)

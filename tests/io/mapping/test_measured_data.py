@@ -205,6 +205,7 @@ def test_enclosed_scenes_have_echoes_throughout(shared_data):
     assert y[1:-1][peaks].max() > 4.0  # from the far end of the container
 
 
+@pytest.mark.slow
 def test_a_session_becomes_a_range_profile_on_the_command_line(shared_data, tmp_path, capsys):
     session = str(shared_data / "acconeer/corner-reflector.h5")
     assert main(["import", session, "--frame", "mean", "-o", str(tmp_path / "s.nc")]) == 0

@@ -76,6 +76,7 @@ def test_sound_is_as_welcome_as_light(tmp_path):
         mf.focus(sweep, x=x, y=y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scale", "unit"), [(1e3, "mm"), (1e2, "cm")])
 def test_positions_in_another_unit_are_named_with_the_command(tmp_path, scale, unit, capsys):
     np.savez(tmp_path / "a.npz", s=S, f=F, tx=TX * scale, rx=RX * scale)

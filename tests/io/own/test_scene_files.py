@@ -10,6 +10,7 @@ import mirrorfold as mf
 from mirrorfold.scenes.families import FAMILIES, draw
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", list(FAMILIES))
 def test_a_scene_of_any_family_comes_back_from_its_file(tmp_path, family):
     scene = draw(family, seed=3)

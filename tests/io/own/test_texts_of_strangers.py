@@ -24,6 +24,7 @@ def set_title(path, value):
         file.attrs.create("title", value, dtype=h5py.string_dtype())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1, 70, 5000])
 def test_a_title_that_looks_like_deep_lists_is_a_text(folder, depth):
     title = "[" * depth + "]" * depth
@@ -45,6 +46,7 @@ def test_lists_and_objects_of_usual_depth_come_back():
     assert decoded(storable(value)) == json.dumps(value)
 
 
+@pytest.mark.slow
 def test_a_title_that_is_no_utf8_is_read_and_written(folder, capsys):
     for name in ("s.nc", "i.nc", "r.nc"):
         set_title(name, BAD)
@@ -60,6 +62,7 @@ def test_a_title_that_is_no_utf8_is_read_and_written(folder, capsys):
     assert "\x1b" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_variables_whose_names_are_no_utf8_are_imported_by_a_clean_name(measured, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     f, tx, rx, s = measured
@@ -77,6 +80,7 @@ def test_variables_whose_names_are_no_utf8_are_imported_by_a_clean_name(measured
     assert "\x1b" not in said.out + said.err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
 def test_names_of_files_that_are_no_utf8(folder):
     name = os.fsdecode(b"a\xff.nc")

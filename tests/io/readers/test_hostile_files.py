@@ -222,6 +222,7 @@ def test_clouds_that_announce_more_than_they_hold_are_refused(tmp_path):
         refused(tmp_path / "cloud.ply", "cut off")
 
 
+@pytest.mark.slow
 def test_every_truncation_of_every_format_is_refused_or_read(tmp_path, samples):
     savemat(tmp_path / "a.mat", {"s": samples}, do_compression=True)
     np.savez(tmp_path / "a.npz", s=samples)

@@ -52,6 +52,7 @@ def random_sweep(kind, seed):
     )
 
 
+@pytest.mark.slow
 @ONE_FILE
 @given(kind=st.sampled_from(["pairs", "moving", "raster"]), seed=st.integers(0, 100_000))
 def test_a_random_sweep_written_as_a_scan_comes_back_exactly(tmp_path_factory, kind, seed):

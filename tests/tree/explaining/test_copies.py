@@ -58,6 +58,7 @@ def test_what_is_stronger_than_a_copy_is_an_object_in_the_midst_of_copies():
     assert count_near(tree, late[0][3:], RANGE_CELL) >= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.0, 20.0])
 def test_a_layer_in_a_wall_is_seen_behind_its_face_and_behind_all_that_it_shows(tilt):
     """Copies of what is in line of sight there are none, so that no tail of the pulse explains it."""
@@ -82,6 +83,7 @@ def test_a_layer_in_a_wall_is_seen_behind_its_face_and_behind_all_that_it_shows(
     assert count_near(without, after[0], RANGE_CELL) >= 2
 
 
+@pytest.mark.slow
 def test_the_radar_does_not_take_itself_for_an_object_or_a_mirror():
     """A wall that faces the array shows it the array's own surface, here twice as wide as the array."""
     wall = diffuse((-0.4, 1.1), (0.4, 1.1), 0)

@@ -205,6 +205,7 @@ def test_elements_at_one_place_share_its_weight():
     assert_allclose(_Aperture.of(np.full((4, 3), 0.2), WAVELENGTH).weight, 0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spread", "error"),
     [
@@ -288,6 +289,7 @@ class TestConfocalShare:
         anyhow = [list(zip(self.rough(2 * seed), self.rough(2 * seed + 1), strict=True)) for seed in range(8)]
         assert np.mean([self.share(*paths) for paths in anyhow]) < 0.35
 
+    @pytest.mark.slow
     def test_of_both_together_it_is_in_between(self):
         shares = []
         for seed in range(12):

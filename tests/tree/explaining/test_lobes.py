@@ -49,12 +49,14 @@ def ghost():
     return distance * np.array([u, np.sqrt(1.0 - u**2), 0.0])
 
 
+@pytest.mark.slow
 def test_a_full_array_has_none():
     view, echoes, found = made(None, (1.0, BRIGHT))
     assert near(view, echoes, BRIGHT).any()
     assert not found.any()
 
 
+@pytest.mark.slow
 def test_of_a_thinned_array_the_echo_stays_and_its_ghost_goes():
     view, echoes, found = made(3, (1.0, BRIGHT))
     assert near(view, echoes, ghost()).any()
@@ -63,6 +65,7 @@ def test_of_a_thinned_array_the_echo_stays_and_its_ghost_goes():
     assert found[aside & (echoes.amplitude > 1e-2 * echoes.amplitude.max())].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("amplitude", "stays"), [(1.0, True), (0.1, False)])
 def test_what_stands_there_must_outshine_the_lobe(amplitude, stays):
     """Which is 12 dB below the bright point."""
@@ -73,6 +76,7 @@ def test_what_stands_there_must_outshine_the_lobe(amplitude, stays):
     assert not found[near(view, echoes, BRIGHT)].any()
 
 
+@pytest.mark.slow
 def test_of_lobes_as_high_as_the_main_one_nobody_is_accused():
     """Of antennas a wavelength apart, nothing tells an echo from its ghost."""
     view, echoes, found = made(None, (1.0, BRIGHT), pitch=1.0)

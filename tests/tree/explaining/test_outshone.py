@@ -41,6 +41,7 @@ def explained(below_db):
     return set(objects["explanation"].values[distance < 0.02].tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("below_db", "told"), [(24.0, {""}), (43.0, {OUTSHONE})])
 def test_a_point_beside_a_glint_is_explained_by_it_if_it_is_far_weaker(below_db, told):
     assert explained(below_db) == told

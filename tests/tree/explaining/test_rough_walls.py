@@ -68,11 +68,13 @@ def test_what_stands_between_the_walls_stays(twice):
     assert near(shown(found(twice, (post, np.full(2, 40.0 + 0j)))), post).all()
 
 
+@pytest.mark.slow
 def test_it_is_no_wall_either(twice):
     """As it lies in a row, it would pass for one."""
     assert len(found(twice, rough_walls=False)) > len(found(twice)) == len(found()) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("farther", [True, False], ids=["farther", "beside"])
 def test_a_bright_object_is_not_seen_again_all_along_the_wall(farther):
     """Where the wall reflects it, it stays: up to some cells farther and to either side."""

@@ -47,6 +47,7 @@ def shown(place, amplitude, **settings):
     return [np.linalg.norm(points - one, axis=1).min(initial=np.inf) < RANGE_CELL for one in (IMAGE, place)]
 
 
+@pytest.mark.slow
 def test_it_is_left_out_and_hides_nothing():
     assert shown(short_cut(), 40.0 + 0j, rough_walls=False) == [False, True]
     assert shown(short_cut(), 40.0 + 0j) == [True, False]
@@ -58,5 +59,6 @@ def test_what_stands_nearer_or_farther_stays(cells):
     assert shown(place, 20.0 + 0j)[1]
 
 
+@pytest.mark.slow
 def test_what_is_as_bright_as_the_object_stays():
     assert shown(short_cut(), 0.8 * BRIGHT)[1]

@@ -83,6 +83,7 @@ def test_a_few_reflections_among_much_that_passed_are_no_metal():
     np.testing.assert_array_equal(pairs.log_odds(pane)[0] > 0.0, passed)
 
 
+@pytest.mark.slow
 def test_rough_objects_that_scatter_polarizations_unlike_are_decided_by_their_neighbours():
     angle = np.radians(np.linspace(50.0, 58.0, 12))
     passed = np.arange(12) >= 6
@@ -97,6 +98,7 @@ def test_rough_objects_that_scatter_polarizations_unlike_are_decided_by_their_ne
     np.testing.assert_array_equal(agreed_odds(2.0 * place, odds), odds)
 
 
+@pytest.mark.slow
 def test_a_mirror_of_glass_alone_is_no_window():
     angle = np.radians(np.linspace(30.0, 60.0, 10))
     assert find_pane(echoes(np.zeros(10, dtype=bool), angle)).evidence < 5.0
