@@ -242,6 +242,11 @@ def test_an_unknown_normalization_is_refused_with_the_known_ones(image):
         to_image_view(image, normalization="r3")
 
 
+def test_an_image_with_a_normalization_that_is_unknown_is_refused(image):
+    with pytest.raises(mf.InputError, match=r"image: normalization is 'r4', expected one of none, r, r2"):
+        to_image_view(image.assign_attrs(normalization="r4"))
+
+
 def test_a_scene_far_away_is_seen_in_the_cells_of_its_ground():
     """From 45 degrees above, ranges differ by less than distances on the ground; ranges count from the scene's own."""
     x = y = np.arange(-40.0, 40.0, 0.25)

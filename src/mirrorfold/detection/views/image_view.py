@@ -17,6 +17,7 @@ from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.arguments import in_message
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
@@ -298,8 +299,10 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     """
     view, axes, height = _unsampled(image, normalization)
     amplitude = sampled(view, image, axes, height).astype(np.float64)
-    done = RANGE_POWERS.get(str(image.attrs.get("normalization", "none")), 0)
-    amplitude *= view.range[:, None] ** float(view.power - done)
+    done = str(image.attrs.get("normalization", "none"))
+    if done not in RANGE_POWERS:
+        raise InputError(f"image: normalization is {in_message(done)}, expected one of {', '.join(RANGE_POWERS)}")
+    amplitude *= view.range[:, None] ** float(view.power - RANGE_POWERS[done])
     blank = image.values == 0
     if blank.any():  # masked pixels stay empty: splines overshoot beside the edges of a mask
         amplitude[interpolated(view, blank, axes, order=0)] = 0.0
