@@ -224,6 +224,7 @@ def _reconstruct_file(
     reconstruct_sweep = mf.reconstruct  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
         reading, described = _read_beside(beside, path, given)
+        _ = mf.report, mf.plot.before_after  # imported while the other thread, which imports nothing, is at work
     measured = reading.result()
     remark(described.result().remarks)  # remarks are printed before the work, which may take long
     with frames_kept(measured, output, [path, *inputs], given) as kept:
