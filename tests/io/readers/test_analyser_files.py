@@ -168,6 +168,15 @@ def test_noise_data_after_a_two_port_are_passed_over(tmp_path):
     np.testing.assert_allclose(spectra.parameters["S12"], 0.3)
 
 
+def test_falling_frequencies_and_a_row_that_is_cut_off_are_no_noise_data(tmp_path):
+    rows = [f"{f} 0.1 0 0.2 0 0.3 0 0.4 0" for f in range(6, 0, -1)]  # as many numbers as five rows and noise data
+    path = tmp_path / "run.s2p"
+    path.write_text("# GHz S RI R 50\n" + "\n".join(rows))
+    refused(path, "frequencies do not rise")
+    path.write_text("# GHz S RI R 50\n" + "\n".join(rows[::-1])[: -len(" 0.3 0 0.4 0")])
+    refused(path, "cut off")
+
+
 VERSION_2 = """[Version] 2.0
 # GHz S RI R 50
 [Number of Ports] 2

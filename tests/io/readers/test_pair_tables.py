@@ -164,6 +164,51 @@ def test_phases_without_a_unit_are_radians_where_they_go_around_a_circle_of_two_
     assert any("taken for radians" in str(one.message) for one in said) == (heading == "phase" and unit == 1.0)
 
 
+def test_the_phases_of_all_columns_of_a_wide_table_tell_their_unit(tmp_path, measured):
+    f, tx, rx, s = measured  # each column has fewer phases than tell it by themselves
+    headings = [f"S_{i + 1}_{j + 1}_{part}" for j in range(3) for i in range(12) for part in ("mag", "phase")]
+    both = np.stack([np.abs(s), np.angle(s)], axis=-1).reshape(f.size, -1)
+    path = write(tmp_path / "wide.csv", ["f_GHz", *headings], np.column_stack([f / 1e9, both]))
+    with pytest.warns(UserWarning, match="taken for radians"):
+        same(mf.import_data(path, positions=places(tx, rx)), *measured)
+
+
+def test_a_wide_table_of_two_by_two_antennas_is_one_of_pairs(tmp_path, measured):
+    f, tx, rx, s = measured
+    path = wide(tmp_path / "wide.csv", f, s[:, :2, :2], "S_{}_{}")
+    same(mf.import_data(path, positions=places(tx[:2], rx[:2])), f, tx[:2], rx[:2], s[:, :2, :2])
+
+
+def test_places_in_table_and_description_are_the_same_whatever_their_order(tmp_path, measured):
+    _, tx, rx, s = measured
+    headings, sides = ["fGHz", "tx_x", "rx_x", "re", "im"], lambda i, k: (tx[i, 0], rx[k, 0])
+    path = long(tmp_path / "a.csv", *measured, headings, sides)
+    same(mf.import_data(path, positions=places(tx[::-1], rx[::-1])), *measured)
+    with pytest.raises(mf.InputError, match=r"other places of rx than the columns of .*a\.csv"):
+        mf.import_data(path, positions=places(tx, rx + 1e-3))
+    path = long(tmp_path / "a.csv", *measured, headings, sides, keep=lambda i, k: i != k)
+    sweep = mf.import_data(path, positions=places(tx[::-1], rx[::-1]))
+    np.testing.assert_allclose(sweep["s"], np.where(sweep["measured"].values, s, 0.0), atol=1e-5)
+
+
+def test_antennas_of_any_numbers_stand_in_the_order_of_their_numbers(tmp_path, measured):
+    _, tx, rx, s = measured  # ports 1 to 3 transmit, 4 to 15 receive
+    path = long(
+        tmp_path / "a.csv", *measured, ["f_GHz", "tx", "rx", "re", "im"], lambda i, k: (i + 1, k + 4),
+        keep=lambda i, k: i != k,
+    )  # fmt: skip
+    sweep = mf.import_data(path, positions=places(tx, rx))
+    assert not sweep["measured"].values[1, 1]
+    np.testing.assert_allclose(sweep["s"], np.where(sweep["measured"].values, s, 0.0), atol=1e-5)
+
+
+def test_three_places_of_two_coordinates_are_three(tmp_path, measured):
+    f, tx, rx, s = measured
+    path = wide(tmp_path / "wide.csv", f, s, "S_{}_{}")
+    flat = {"tx": {"position": tx[:, :2].tolist()}, "rx": {"position": rx[:, :2].tolist()}}
+    same(mf.import_data(path, positions=flat), *measured)
+
+
 def test_missing_pairs_of_a_long_table_are_marked(tmp_path, measured):
     _, tx, rx, s = measured
     path = long(

@@ -240,6 +240,10 @@ def test_scans_of_other_formats_work_alike(tmp_path, suffix):
         (lambda lines: [lines[0].replace("tx_x_mm", "tx_x_miles"), *lines[1:]], ["line 1", "tx_x_miles"]),
         (lambda lines: [lines[0].replace("file", "what"), *lines[1:]], ["line 1", "'file'"]),
         (lambda lines: [line.rpartition(",")[0].rpartition(",")[0] for line in lines], ["line 2", "no place of rx"]),
+        (
+            lambda lines: [f"{lines[0]},azimuth", *(f"{one},{n}" for n, one in enumerate(lines[1:]))],
+            ["line 2", "keep to"],
+        ),
         (lambda lines: [], ["empty"]),
         (lambda lines: lines[:1], ["names no file"]),
     ],
@@ -251,6 +255,12 @@ def test_mistakes_in_the_table_are_said_with_their_line(scan, tmp_path, change, 
         mf.import_data(scan[0], positions=path)
     for word in [str(path), *words]:
         assert word in str(caught.value)
+
+
+def test_a_parameter_that_is_no_name_is_refused(scan, tmp_path):
+    (tmp_path / "p.csv").write_text("\n".join(table()))
+    with pytest.raises(InputError, match="parameter: got the number 21, expected the name"):
+        mf.import_data(scan[0], positions=tmp_path / "p.csv", parameter=21)
 
 
 def test_files_without_a_line_are_refused_where_they_were_listed_and_noted_in_a_folder(scan, tmp_path):

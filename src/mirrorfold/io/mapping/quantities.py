@@ -129,7 +129,8 @@ class Quantities:
             except ValueError:
                 raise self.fail(f"{name}.position holds places with different numbers of coordinates") from None
         width = len(places.axes)
-        if raw.ndim == 2 and raw.shape[1] != width and raw.shape[0] == width:
+        written = isinstance(places.position, list) and raw.shape[1:] == (2,)  # three places of two coordinates
+        if raw.ndim == 2 and raw.shape[1] != width and raw.shape[0] == width and not written:
             raw = raw.T
         if raw.ndim == 1 and raw.size == width:
             raw = raw[None]

@@ -59,15 +59,18 @@ class TableSweep:
     mapping: dict[str, Any] | None = None
 
 
-def sweep_of_wide_table(spectra: Spectra) -> TableSweep | None:
-    """The pairs of a wide table, where ``S_i_j`` was received by i from j; None for spectra of two-ports and others."""
+def sweep_of_wide_table(spectra: Spectra, *, two_ports: bool = False) -> TableSweep | None:
+    """The pairs of a wide table, where ``S_i_j`` was received by i from j; None for spectra of other names.
+
+    Spectra of two ports at most are pairs only with `two_ports`: they may as well be those of one position of many.
+    """
     numbers = []
     for name in spectra.parameters:
         match = PARAMETER.match(name)
         if match is None:
             return None
         numbers.append([int(part) for part in match.groups() if part])
-    if not numbers or np.max(numbers) <= 2:
+    if not numbers or (np.max(numbers) <= 2 and not two_ports):
         return None
     rx, tx = np.array(numbers).T
     return _arranged(spectra.frequency, np.stack(list(spectra.parameters.values()), axis=-1), tx, rx)

@@ -244,7 +244,9 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
             continue
         parts.setdefault(name, {})[kind] = table.values[:, n]
         whose[name, kind] = heading
-    made = {name: _complex(path, columns) for name, columns in parts.items()}
+    phases = [columns["phase"] for columns in parts.values() if "phase" in columns]
+    unit = _phase_unit(path, np.concatenate(phases)) if phases else "degree"  # one for all columns
+    made = {name: _complex(columns, unit) for name, columns in parts.items()}
     halves = {heading: HALVES[kind] for (name, kind), heading in whose.items() if made[name] is None}
     complete = {name: values for name, values in made.items() if values is not None}
     return (Spectra(frequency, complete) if complete else None), unknown, halves
@@ -285,11 +287,13 @@ def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
     return "radian"
 
 
-def _complex(path: Path, columns: dict[str, NDArray[np.float64]]) -> NDArray[np.complex128] | None:
-    """Complex samples from columns by kind; None where these are not both parts of complex numbers."""
+def _complex(columns: dict[str, NDArray[np.float64]], unit: str) -> NDArray[np.complex128] | None:
+    """Complex samples from columns by kind; None where these are not both parts of complex numbers.
+
+    `unit` is that of phases whose heading names none.
+    """
     if "phase" in columns:
-        phase = columns["phase"]
-        columns = {**columns, _phase_unit(path, phase): phase}
+        columns = {**columns, unit: columns["phase"]}
     if {"real", "imaginary"} <= set(columns):
         return np.asarray(columns["real"] + 1j * columns["imaginary"])
     angle = columns.get("radian", np.radians(columns["degree"]) if "degree" in columns else None)

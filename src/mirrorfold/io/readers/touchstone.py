@@ -119,7 +119,13 @@ def _spectra(path: Path, values: NDArray[np.float64], ports: int, unit: float, f
         falls = np.flatnonzero(np.diff(values[: rows * columns : columns]) <= 0)
         if falls.size:
             rows = int(falls[0]) + 1
-        rest = (values.size - rows * columns) % NOISE_COLUMNS
+        noise = values[rows * columns :]
+        rest = noise.size % NOISE_COLUMNS or int(noise.size > 0 and noise[0] > values[(rows - 1) * columns])
+        if falls.size and (rest or (np.diff(noise[::NOISE_COLUMNS]) <= 0).any()):
+            raise InputError(
+                f"{path}: its frequencies do not rise: {values[(rows - 1) * columns]:g} is followed by {noise[0]:g}; "
+                "export it again, with rising frequencies"
+            )
     if rest or not rows:
         raise InputError(
             f"{path}: holds {values.size} numbers, expected a multiple of {columns} for {ports} ports; "

@@ -335,9 +335,15 @@ def arrangement_of(path: Path, lines: Sequence[FilePosition]) -> tuple[str, NDAr
         raise InputError(f"{path}: names no file; add a line for each")
 
     def kind(line: FilePosition) -> str:
-        if any(name in line.numbers for name in ANGLES):
-            return "beam"
         sides = {name[:2] for name in line.numbers if name[:3] in ("tx_", "rx_")}
+        alone = {name for name in line.numbers if name[:3] not in ("tx_", "rx_")}
+        if (sides and alone) or (alone & set(ANGLES) and alone - set(ANGLES)):
+            raise InputError(
+                f"{line.where}: gives {', '.join(line.numbers)} for {line.file}; keep to tx and rx, or to x, y and z, "
+                "or to azimuth and elevation"
+            )
+        if alone & set(ANGLES):
+            return "beam"
         if sides == {"tx", "rx"}:
             return "pair"
         if not sides and line.numbers:

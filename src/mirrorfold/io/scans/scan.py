@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import in_message, path_of
+from mirrorfold.common.arguments import in_message, path_of, wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.arrangements import fill_matrix, grid_beams
@@ -23,7 +24,7 @@ from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
 from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
-from mirrorfold.io.readers.pair_tables import distinct
+from mirrorfold.io.readers.pair_tables import PLACE_DIGITS, distinct, sweep_of_wide_table
 from mirrorfold.io.scans.networks import SpectraInMemory
 from mirrorfold.io.scans.positions import FilePosition, Scan, arrangement_of, match_pattern, read_positions
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, unit_doubts
@@ -58,6 +59,8 @@ def import_scan(
     InputError
         If files and positions do not fit together, or a file cannot be read.
     """
+    if parameter is not None and not isinstance(parameter, str):
+        raise wrong_kind("parameter", parameter, 'the name of a scattering parameter, such as "S21"', reader="")
     if positions is not None and not isinstance(positions, dict):
         positions = path_of("positions", positions, "the path of a table, or its content as a dict")
     if isinstance(paths, dict):
@@ -269,6 +272,9 @@ def _all_pairs(table: Path, scan: Scan, files: Files) -> xr.Dataset:
     if isinstance(path, SpectraInMemory):
         raise InputError(f"{table}: gives tx and rx for a table; the antennas of a network's ports are called ports")
     contents = read_contents(path)
+    if "s" not in contents.variables and contents.spectra is not None:
+        pairs = sweep_of_wide_table(contents.spectra, two_ports=True)
+        contents = replace(contents, variables={**contents.variables, **(pairs.variables if pairs else {})})
     if "s" not in contents.variables or "frequency" not in contents.variables:
         raise InputError(
             f"{path}: {contents.not_understood() or 'holds no pairs that are understood'}; expected columns S_1_1, "
@@ -276,12 +282,39 @@ def _all_pairs(table: Path, scan: Scan, files: Files) -> xr.Dataset:
         )
     described: dict[str, Any] = {"s": {"variable": "s", "dims": list(contents.variables["s"].dims)}}
     described |= {"frequency": {"variable": "frequency", "unit": "Hz"}, "tx": scan.tx, "rx": scan.rx}
+    counts = {side: _one_place_each(table, contents, described, side) for side in ("tx", "rx")}
     if "tx" in contents.variables and "pair" in contents.variables["s"].dims:
-        first = min(int(np.min(contents.array(side))) for side in ("tx", "rx"))
-        described["pairs"] = {"tx": "tx", "rx": "rx", "base": 0 if first == 0 else 1}
+        numbers = {side: np.unique(contents.array(side), return_inverse=True) for side in counts}
+        if all(numbers[side][0].size == count for side, count in counts.items()):  # places in the order of numbers
+            described["pairs"] = {side: {"values": which.tolist()} for side, (_, which) in numbers.items()}
+            described["pairs"]["base"] = 0
+        else:
+            first = min(int(values[0]) for values, _ in numbers.values())
+            described["pairs"] = {"tx": "tx", "rx": "rx", "base": 0 if first == 0 else 1}
     described["time_convention"] = scan.time_convention
     sweep = assemble(contents, validated(Mapping, described, str(table)))
     return check_sweep(sweep.assign_attrs(_attrs(scan, table)), source=str(path))
+
+
+def _one_place_each(table: Path, contents: Contents, described: dict[str, Any], side: str) -> int:
+    """The number of places that a description gives to a side, tx or rx.
+
+    Where the table itself holds the places of this side, the samples are in their order, and so they are taken.
+
+    Raises
+    ------
+    InputError
+        If table and description disagree.
+    """
+    places = Quantities(contents).places(described[side], side)
+    name = f"{side}_position"
+    if name in contents.variables:
+        if not np.array_equal(np.unique(places.round(PLACE_DIGITS), axis=0), contents.array(name)):
+            raise InputError(
+                f"{table}: gives other places of {side} than the columns of {contents.path} hold; leave out one of them"
+            )
+        described[side] = {"position": name}
+    return len(places)
 
 
 def _all_ports(table: Path, scan: Scan, ports: Any, files: Files) -> xr.Dataset:
