@@ -195,3 +195,25 @@ def test_the_command_imports_images_by_name(image, tmp_path, capsys):
     ]
     assert main(arguments) == 0
     np.testing.assert_allclose(mf.load(tmp_path / "i.nc").values, image.values)
+
+
+def test_units_in_the_file_count(image, tmp_path):
+    path = tmp_path / "i.h5"
+    with h5py.File(path, "w") as file:
+        file["image"], file["x"], file["y"] = image.values, 100 * image["x"].values, image["y"].values
+        file["x"].attrs["units"] = "cm"
+    found = mf.import_image(path)
+    np.testing.assert_allclose(found["x"], image["x"], atol=1e-12)
+    np.testing.assert_allclose(found["y"], image["y"], atol=1e-12)
+
+
+def test_amplitudes_of_points_are_taken_in_decibels_by_their_name_or_missed_aloud(tmp_path, capsys):
+    path, table = tmp_path / "c.csv", np.array([[0.0, 1.0, 20.0], [0.5, 1.5, 40.0]])
+    np.savetxt(path, table, delimiter=",", header="x,y,amplitude_dB", comments="")
+    assert float(mf.import_image(path, cell=0.05).max()) == pytest.approx(100.0)
+    np.savetxt(path, table, delimiter=",", header="x,y,snr", comments="")
+    with pytest.warns(UserWarning, match="none of snr is known"):
+        assert float(mf.import_image(path, cell=0.05).max()) == 1.0
+    output = tmp_path / "i.nc"
+    assert main(["import", str(path), "--image", "snr", "-o", str(output)]) == 0, capsys.readouterr().err
+    assert float(mf.load(output).max()) == pytest.approx(40.0)

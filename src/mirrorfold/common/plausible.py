@@ -171,16 +171,16 @@ def length_unit(step: float, wavelength: float) -> str | None:
     --------
     >>> length_unit(0.5, wavelength=1e-3), length_unit(0.05, wavelength=1e-3), length_unit(0.5e-3, wavelength=1e-3)
     ('mm', 'cm', None)
+    >>> length_unit(8.0, wavelength=1e-3)  # the few transmitters of a MIMO radar
+    'mm'
     """
     if step < COARSE_PITCH * wavelength:
         return None
     units = {unit: KINDS["length"][unit] * step / wavelength for unit in ("mm", "cm", "um", "inch")}
-    fitting = {unit: abs(np.log(ratio / USUAL_PITCH)) for unit, ratio in units.items() if _fine(ratio)}
+    fitting = {
+        unit: abs(np.log(ratio / USUAL_PITCH)) for unit, ratio in units.items() if FINE_PITCH[0] <= ratio < COARSE_PITCH
+    }
     return min(fitting, key=fitting.__getitem__) if fitting else None
-
-
-def _fine(ratio: float) -> bool:
-    return FINE_PITCH[0] <= ratio <= FINE_PITCH[1]
 
 
 def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from itertools import permutations
 from math import prod
 from pathlib import Path
@@ -31,6 +33,12 @@ IMAGE_NAMES = ("image", "img", "im", "intensity", "amplitude", "magnitude", "i",
 
 AMPLITUDE_NAMES = ("amplitude", "intensity", "magnitude", "power_db", "reflectivity", "value", "i", "scalar_intensity")
 """Names of the variable with the amplitudes of points, in the order of preference."""
+
+DECIBEL = re.compile(r"[ _(\[]*db[)\]]?$")
+"""End of the name of amplitudes in dB, in lower case."""
+
+NO_AMPLITUDES = ("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "alpha", "rgb", "table")
+"""Other columns of clouds, which are no amplitudes."""
 
 LARGEST_CLOUD_IMAGE = 2_000_000
 """Largest number of pixels into which a cloud is gridded, unless `cell` asks for a finer grid."""
@@ -68,7 +76,7 @@ def import_image(
         Order of the axes of the image in the file, such as ``"xy"`` or ``"zyx"``; by default as the sizes tell, else
         ``"yx"`` or ``"zyx"``.
     unit : str
-        Unit of the coordinates, such as m, cm, mm.
+        Unit of the coordinates, such as m, cm, mm, where the file itself names none.
     decibel : bool
         Whether the amplitudes are in dB.
     cell : float [m], optional
@@ -94,7 +102,9 @@ def import_image(
     scale = KINDS["length"].get(unit_named(unit) or "") if isinstance(unit, str) else None
     if scale is None:
         raise InputError(f"{path}: unit is {in_message(unit)}, expected one of {', '.join(KINDS['length'])}")
-    if contents.reader == "cloud" or (contents.reader == "table" and _named(contents, "x", 1) and image is None):
+    variable = contents.variables.get(image) if isinstance(image, str) else None
+    of_points = image is None or (variable is not None and len(variable.shape) == 1)
+    if contents.reader == "cloud" or (contents.reader == "table" and _named(contents, "x", 1) and of_points):
         found = _gridded(contents, "x" if x is None else x, "y" if y is None else y, image, scale, cell, decibel)
     else:
         if cell is not None:
@@ -146,7 +156,9 @@ def _image(
                 f"{contents.path}: does not say the {axis} of the pixels of {name!r} {values.shape}; save a variable "
                 f"{axis!r} too, or name it with --{axis}"
             )
-        coordinates[axis] = _coordinate(contents, chosen, axis) * scale
+        coordinate = _coordinate(contents, chosen, axis)
+        said = unit_named(str(contents.variables[chosen].attrs.get("units", ""))) or ""
+        coordinates[axis] = coordinate * KINDS["length"].get(said, scale)
     dims = contents.variables[name].dims
     order = order if order is not None else ("".join(dims) if sorted(dims) == sorted(wanted) else None)
     order = order if order is not None else _order(values.shape, coordinates, wanted)
@@ -248,10 +260,19 @@ def _gridded(
             raise InputError(f"{contents.path}: its points have no {column!r}, but {', '.join(contents.variables)}")
     points = np.stack([np.asarray(contents.array(known[column.lower()]), dtype=float) for column in (x, y)], axis=-1)
     points *= scale
-    name = next((known[wanted] for wanted in AMPLITUDE_NAMES if wanted in known), None)
+    named = {DECIBEL.sub("", lower): column for lower, column in known.items()} | known
+    name = next((named[wanted] for wanted in AMPLITUDE_NAMES if wanted in named), None)
     name = name if amplitude is None else amplitude
     values = np.ones(len(points), np.float32)
+    others = [column for lower, column in known.items() if lower not in {x.lower(), y.lower(), *NO_AMPLITUDES}]
+    if name is None and others:
+        warnings.warn(
+            f"{contents.path}: none of {', '.join(others)} is known to be the amplitude, and all points count alike; "
+            "name it, as image",
+            stacklevel=3,
+        )
     if name is not None:
+        decibel = decibel or bool(DECIBEL.search(name.lower()))
         values = _amplitudes(contents, np.asarray(contents.array(name)), decibel).astype(np.float32)
     finite = np.isfinite(points).all(axis=1) & np.isfinite(values)
     points, values = points[finite], values[finite]

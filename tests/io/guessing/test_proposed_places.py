@@ -67,3 +67,21 @@ def test_coordinates_one_by_one_keep_the_units_of_their_own_names(tmp_path):
         tmp_path / "d.npz", s=s, f=FREQUENCY, tx_x_cm=tx[:, 0] * 100, rx_x_mm=rx[:, 0] * 1e3, rx_y_m=rx[:, 1]
     )
     same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
+
+
+def test_the_few_transmitters_of_a_mimo_radar_are_in_millimetres_too(tmp_path):
+    tx, rx = line_of(3, pitch=8e-3), line_of(5, 0.01)  # eight wavelengths apart
+    s = echo(FREQUENCY, tx, rx)
+    guess = proposed(tmp_path / "mimo.npz", adc=s, f=FREQUENCY, tx_pos=1e3 * tx, rx_pos=1e3 * rx)
+    same(mf.import_data(tmp_path / "mimo.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
+
+
+@pytest.mark.parametrize("transmitters", [1, 6])
+@pytest.mark.parametrize("axis_of_one", [False, True])
+def test_one_fixed_antenna_and_many_of_the_other_side_are_pairs(tmp_path, transmitters, axis_of_one):
+    tx, rx = line_of(transmitters) + np.array([0.0, 0.0, 0.02]), line_of(7 - transmitters, 0.01)
+    s = echo(FREQUENCY, tx, rx)
+    measured = s if axis_of_one else s.reshape(FREQUENCY.size, -1)
+    guess = proposed(tmp_path / "d.npz", s=measured, f=FREQUENCY, tx_pos=1e3 * tx, rx_pos=1e3 * rx)
+    assert f"pairs of one {'tx and 6 rx' if transmitters == 1 else 'rx and 6 tx'}" in guess.to_toml()
+    same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)

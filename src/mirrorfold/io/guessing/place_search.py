@@ -96,6 +96,19 @@ class PlaceSearch:
             self._found("the other half of the matrix is the same", 1, "only one order of each pair is there")
         return True
 
+    def _one_fixed(self, count: int) -> bool:
+        """Look for `count` antennas that receive from one transmitter, or send to one receiver; whether there are."""
+        sides = (("rx", RECEIVE), ("tx", TRANSMIT))
+        for (many, pattern), (one, its_pattern) in (sides, sides[::-1]):
+            kept = len(self.guess.findings)
+            if self._places(many, pattern, count, own=True) and self._places(one, its_pattern, 1, own=True):
+                numbers = {many: {"values": list(range(count))}, one: {"values": [0] * count}}
+                self.guess.entries["pairs"] = {**numbers, "base": 0}
+                self._found(f"channels are pairs of one {one} and {count} {many}", 1, "names and numbers of the places")
+                return True
+            self._forget(kept)
+        return False
+
     def _places_of_pairs(self, transmitters: int, receivers: int) -> str:
         """Look for the places of the antennas of channels: two arrays, or elements that transmit and receive.
 
@@ -134,7 +147,8 @@ class PlaceSearch:
         """
         for name, variable in self.free.items():
             lengths = [n for n in variable.shape if n > 1]
-            fits = sorted(lengths) in (sorted((count, 3)), sorted((count, 2))) and variable.dtype.kind in "fiu"
+            expected = [sorted(n for n in (count, axes) if n > 1) for axes in (3, 2)]
+            fits = sorted(lengths) in expected and variable.dtype.kind in "fiu"
             if fits and pattern is not None and pattern.search(name.lower()):
                 unit = self._length_unit(name)
                 said = source(name)
@@ -205,9 +219,11 @@ class PlaceSearch:
         said = self._named_unit(name)
         if said is not None:
             return said
+        sides = [self.guess.entries[side] for side in ("tx", "rx") if side in self.guess.entries]
+        usual = str(sides[0].get("unit", "m")) if sides else "m"  # as the places of the other side
         frequency = self.guess.entries.get("frequency", {})
         if "unit" not in frequency or not ({"variable", "stop"} & set(frequency)):
-            return "m"
+            return usual
         top = frequency.get("stop") or np.max(np.asarray(self.contents.array(frequency["variable"]), dtype=float))
         rows = [np.asarray(self.contents.array(row), dtype=float) for row in coordinates or [name]]
         if rows[0].size == 1:  # a step
@@ -216,7 +232,7 @@ class PlaceSearch:
         places = np.unique(np.stack([row.ravel() for row in rows], -1) if coordinates else _tall(rows[0]), axis=0)
         highest = float(top) * UNITS[frequency["unit"]]
         if len(places) < 2 or not np.isfinite(places).all() or not highest > 0.0:
-            return "m"
+            return usual
         apart, wavelength = pitch(places), speed_of_light / highest
         meant = length_unit(apart, wavelength) if apart < LARGEST_PITCH else None
         if meant is None:

@@ -199,7 +199,7 @@ class Search(PlaceSearch):
         open_ = [at for at, name in enumerate(dims) if name in ("", "tx", "rx", "position")]
         if len(open_) == 1:
             at = open_[0]
-            if self._pairs(shape[at]):
+            if self._pairs(shape[at]) or self._one_fixed(shape[at]):
                 dims[at] = "pair"
             elif self._places("antenna", PLACES, shape[at]) or self._places("antenna", None, shape[at]):
                 dims[at] = "position"
