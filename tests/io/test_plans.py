@@ -11,6 +11,7 @@ import xarray as xr
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.arcs import circle_through
+from mirrorfold.folding.frames import join_frames
 from mirrorfold.io.plans import read_plan
 
 ezdxf = pytest.importorskip("ezdxf", reason="the extra mirrorfold[cad] has ezdxf, which is absent")
@@ -76,6 +77,16 @@ def test_the_plan_of_a_reconstruction_comes_back(reconstruction, tmp_path, name)
     ends = [again[f"mirrors/{key}"].item() for key in ("x0", "y0", "x1", "y1")]
     np.testing.assert_allclose(ends, WALL.ravel(), rtol=1e-12)
     assert again.attrs["mirrors_given"]
+
+
+@pytest.mark.parametrize("name", ["plan.dxf", "plan.geojson"])
+def test_the_plan_of_a_recording_gives_each_wall_as_one_mirror(reconstruction, tmp_path, name):
+    recording = join_frames([reconstruction] * 2, {})
+    plan = read_plan(mf.export(recording, tmp_path / name))
+    assert len(plan.lines) == 2
+    assert plan.images is None  # those of each frame would be mirrors behind each other
+    again = mf.fold(reconstruction, mirrors=tmp_path / name)
+    assert again["mirrors/x0"].size == 1
 
 
 def test_ezdxf_finds_layers_and_facts(reconstruction, tmp_path):

@@ -268,7 +268,7 @@ def _gridded(
     if name is None and others:
         warnings.warn(
             f"{contents.path}: none of {', '.join(others)} is known to be the amplitude, and all points count alike; "
-            "name it, as image",
+            "`mirrorfold import --image NAME` names it, in Python image",
             stacklevel=3,
         )
     if name is not None:

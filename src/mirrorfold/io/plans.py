@@ -142,12 +142,14 @@ def _arc(place: Array) -> dict[str, Any]:
 def plan_features(reconstruction: xr.DataTree) -> Iterator[tuple[str, Array, dict[str, Any]]]:
     """Layer, place and facts of each mirror, of its image, and of each point of a reconstruction.
 
-    A place [m] is a point (1, d), the two ends of a line (2, d), or start, middle and end of an arc (3, 2).
+    A place [m] is a point (1, d), the two ends of a line (2, d), or start, middle and end of an arc (3, 2). Images of
+    mirrors are those of one unfolded image: a recording of several frames has none.
     """
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     axes = "xyz" if "z0" in mirrors else "xy"
     chains = mirror_chains(mirrors)
-    for layer, prefix in ((MIRRORS, "folded_"), (IMAGES, "")):
+    recording = np.unique(mirrors["frame"]).size > 1 if "frame" in mirrors else False
+    for layer, prefix in ((MIRRORS, "folded_"), *(() if recording else ((IMAGES, ""),))):
         places = mirror_places(mirrors, prefix)
         for i in range(mirrors.sizes.get("mirror", 0)):
             ends = np.array([[float(mirrors[f"{prefix}{axis}{end}"][i]) for axis in axes] for end in (0, 1)])

@@ -227,6 +227,10 @@ def test_files_of_mirrors_keep_every_bit(tmp_path):
         ),
         ('{"mirrors": [{"start": [0, 1], "through": [1, 2], "end": [0, 1]}]}', "mirror 0 starts where it ends"),
         ('{"mirrors": [{"start": [0, 1], "end": [0, 1]}]}', "mirror 0 has no length"),
+        (
+            '{"mirrors": [{"start": [0, 1], "end": [1, 1]}, {"start": [1, 1], "end": [-0.0, 1]}]}',
+            "mirror 1 is mirror 0 once more",
+        ),
         ('{"mirrors": [{"start": [0, 1], "end": [0, NaN]}]}', "not finite"),
         ('{"mirrors": [{"start": [0, 1], "end": "x"}]}', "two ends"),
         ('{"mirrors": [{"start": [0, 1, 2], "end": [0, 1, 3]}]}', "two ends"),

@@ -65,8 +65,8 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     Raises
     ------
     InputError
-        If the shape is none of these, a number is not finite, or a mirror has no extent or is not flat. The sentence
-        begins with `source`.
+        If the shape is none of these, a number is not finite, a mirror has no extent or is not flat, or stands there
+        twice. The sentence begins with `source`.
     """
     rows = as_three_points(_rows(mirrors, source))
     try:
@@ -83,8 +83,12 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         )
     if len(places) > LARGEST_COUNT:
         raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
+    seen: dict[bytes, int] = {}
     for number, points in enumerate(places):
         mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
+        ends = (points + 0.0).tobytes(), (points[::-1] + 0.0).tobytes()  # in either direction; 0.0 for -0.0
+        if (first := seen.setdefault(min(ends), number)) != number:
+            raise InputError(f"{mirror} is mirror {first} once more, and nothing is seen by way of both; leave it out")
         wrong = unplaced(points[:3] if is_round(points) else points)
         if wrong is not None:
             raise InputError(f"{mirror} has a place that {wrong}, expected numbers in metres")
