@@ -69,6 +69,13 @@ def test_a_random_sweep_written_as_a_scan_comes_back_exactly(tmp_path_factory, k
             np.testing.assert_array_equal(back.attrs[name], sweep.attrs[name])
 
 
+def test_the_beam_and_the_polarization_come_back_with_a_scan(tmp_path):
+    known = {"spot_radius": 0.017, "focus_distance": 0.0, "polarization": "TM"}
+    sweep = random_sweep("raster", 1).assign_attrs(known)
+    back = mf.import_data(tmp_path / "scan", positions=mf.save_touchstone(sweep, tmp_path / "scan"))
+    assert {name: back.attrs[name] for name in known} == known
+
+
 def test_pairs_that_were_not_measured_are_not_written_and_are_known_afterwards(tmp_path):
     sweep = random_sweep("pairs", 4)
     measured = np.ones((sweep.sizes["tx"], sweep.sizes["rx"]), dtype=bool)

@@ -112,9 +112,9 @@ def _listing(
 
 def _description(sweep: xr.Dataset) -> str:
     """A description in TOML of what a table of positions cannot hold; empty if there is nothing."""
-    known: dict[str, Any] = {name: str(sweep.attrs[name]) for name in ("title", "instrument") if sweep.attrs.get(name)}
-    if "wave_speed" in sweep.attrs:
-        known["wave_speed"] = float(sweep.attrs["wave_speed"])
+    words, numbers = ("title", "instrument", "polarization"), ("wave_speed", "spot_radius", "focus_distance")
+    known: dict[str, Any] = {name: str(sweep.attrs[name]) for name in words if sweep.attrs.get(name)}
+    known |= {name: float(sweep.attrs[name]) for name in numbers if name in sweep.attrs}
     for name in ("scene_center", "origin"):
         place = sweep.attrs.get(name)
         if place is not None and (name != "origin" or np.any(np.asarray(place) != 0.0)):

@@ -105,6 +105,9 @@ class Scan(Strict):
     parameter : str
     title, instrument, time_convention, wave_speed, scene_center, origin
         As in a mapping file.
+    spot_radius, focus_distance : float [m]
+        Radius and distance of the focus of a beam that is steered.
+    polarization : {"TE", "TM"}
     """
 
     file: list[Entry] | None = None
@@ -123,6 +126,9 @@ class Scan(Strict):
     wave_speed: Annotated[float, Field(gt=0, allow_inf_nan=False), Quantity("speed")] | None = None
     scene_center: tuple[Coordinate, Coordinate, Coordinate] | None = None
     origin: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
+    spot_radius: Annotated[float, Field(gt=0, allow_inf_nan=False), Quantity("length")] | None = None
+    focus_distance: Annotated[float, Field(ge=0, allow_inf_nan=False), Quantity("length")] | None = None
+    polarization: Literal["TE", "TM"] | None = None
 
     @model_validator(mode="before")
     @classmethod

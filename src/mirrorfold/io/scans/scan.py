@@ -258,7 +258,8 @@ def _checked(sweep: xr.Dataset, table: Path) -> xr.Dataset:
 def _attrs(scan: Scan, table: Path) -> dict[str, Any]:
     """Attributes of the sweep from the description."""
     attrs: dict[str, Any] = {"mirrorfold_kind": "sweep", "time_convention": TIME_CONVENTION}
-    attrs |= {name: getattr(scan, name) for name in ("title", "instrument", "wave_speed") if getattr(scan, name)}
+    names = ("title", "instrument", "wave_speed", "spot_radius", "focus_distance", "polarization")
+    attrs |= {name: getattr(scan, name) for name in names if getattr(scan, name) is not None}
     if scan.scene_center is not None:
         attrs["scene_center"] = np.array(scan.scene_center)
     return attrs | {"source": table.name, "processing": ["imported, one file for each position"]}
