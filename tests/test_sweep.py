@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
+from mirrorfold.cli import main
+from mirrorfold.common.units import UNITS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import (
     add_noise,
@@ -222,6 +224,25 @@ def test_one_element_sees_ranges_and_nothing_else():
 def test_attrs_that_make_no_sense_are_refused(change, words):
     with pytest.raises(InputError, match=words):
         check_sweep(moving().assign_attrs(change))
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "unit"), [("frequency", "GHz", "Hz"), ("tx_position", "mm", "m"), ("rx_position", "inch", "m")]
+)
+def test_coordinates_whose_own_unit_is_another_are_refused_and_repaired(sweep, name, said, unit, tmp_path, capsys):
+    told = sweep.assign_coords({name: sweep[name].assign_attrs(units=said)})
+    with pytest.raises(InputError, match=rf"{name} is in {said}, .* expected {unit}"):
+        check_sweep(told)
+    factor = UNITS[said]
+    told = told.assign_coords({name: told[name].copy(data=told[name].values / factor)})
+    if name != "frequency":  # both sides are in millimetres
+        other = {"tx_position": "rx_position", "rx_position": "tx_position"}[name]
+        told = told.assign_coords({other: told[other].copy(data=told[other].values / factor)})
+    told.to_netcdf(tmp_path / "told.nc", engine="h5netcdf")
+    kind = "frequency" if name == "frequency" else "position"
+    command = ["calibrate", str(tmp_path / "told.nc"), f"--{kind}-unit", said, "-o", str(tmp_path / "out.nc")]
+    assert main(command) == 0, capsys.readouterr().err
+    np.testing.assert_allclose(mf.load(tmp_path / "out.nc")[name], sweep[name], rtol=1e-12)
 
 
 def test_a_moving_antenna_without_places_is_refused():

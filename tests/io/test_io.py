@@ -219,6 +219,7 @@ def test_pictures_and_columns_that_hold_no_numbers_are_refused(reconstruction, g
         (lambda i: i.isel(x=slice(0)), "is empty"),
         (lambda i: i.drop_vars("x"), "no coordinate 'x'"),
         (lambda i: i.assign_coords(x=i["x"] * np.nan), "'x' holds a value that is not finite"),
+        (lambda i: i.assign_coords(x=i["x"].assign_attrs(units="mm")), "x is in mm, .* expected m"),
         (lambda i: i.isel(x=slice(None, None, -1)), "equal rising steps"),
         (lambda i: i.isel(y=[0, 1, 3, 4]), "equal rising steps"),
         (lambda i: i.where(i["x"] > 0.09), "1000 pixels of 2000 are not finite"),

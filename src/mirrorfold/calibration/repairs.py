@@ -78,10 +78,12 @@ def scale_positions(sweep: xr.Dataset, unit: str) -> xr.Dataset:
         If the array would then be too short to tell directions, so that its positions are in metres already.
     """
     scale = _factor("length", unit)
+    _expect_sweep(sweep, "scale_positions")
+    names = [name for name in ("tx_position", "rx_position", "antenna_position") if name in sweep.variables]
+    sweep = sweep.assign_coords({name: sweep[name].assign_attrs(units="m") for name in names})
     sweep = check_sweep(sweep, source="scale_positions")
     if is_raster(sweep):
         raise InputError("scale_positions: a raster scan has no antenna positions; leave the position unit out")
-    names = [name for name in ("tx_position", "rx_position", "antenna_position") if name in sweep.variables]
     scaled = {
         name: (sweep[name].dims, sweep[name].values * scale, {**sweep[name].attrs, "units": "m"}) for name in names
     }

@@ -178,6 +178,8 @@ def calibrate(
         found = mf.calibrate.sort_frequencies(found) if sort_frequencies else found
         found = mf.calibrate.swap_axes(found, tuple(swap_axes.split(","))) if swap_axes else found
         found = mf.calibrate.mask_bad(found) if mask else found
+        found = mf.calibrate.scale_angles(found, angle_unit) if angle_unit else found
+        found = mf.calibrate.scale_positions(found, position_unit) if position_unit else found
         found = mf.check_sweep(found, source=str(path))
         for wanted, repair in (
             (conjugate, mf.calibrate.conjugate),
@@ -186,8 +188,7 @@ def calibrate(
             (swap_tx_rx, mf.calibrate.swap_tx_rx),
         ):
             found = repair(found) if wanted else found
-        found = mf.calibrate.scale_angles(found, angle_unit) if angle_unit else found
-        return mf.calibrate.scale_positions(found, position_unit) if position_unit else found
+        return found
 
     measured = repaired(sweep)
     steps = {"background": bool(background), "reference": bool(reference), "per_channel": reference_per_channel}

@@ -60,6 +60,19 @@ def unit_named(name: str) -> str | None:
     return next((unit for unit in UNITS if unit.lower() == OTHER_NAMES.get(lower, lower)), None)
 
 
+def other_unit(said: Any, unit: str) -> str | None:
+    """The unit that `said`, such as an attribute `units`, names, if it is another one of the kind of `unit`.
+
+    Examples
+    --------
+    >>> other_unit("mm", "m"), other_unit("metres", "m"), other_unit("pixels", "m"), other_unit(None, "m")
+    ('mm', None, None, None)
+    """
+    named = unit_named(said) if isinstance(said, str) else None
+    kind = next(units for units in KINDS.values() if unit in units)
+    return named if named in kind and named != unit else None
+
+
 LONGEST_QUANTITY = 200
 """Largest number of letters of a quantity: the time to look for a number in a text grows with the square of its
 length."""

@@ -23,6 +23,7 @@ from mirrorfold.common.plausible import (
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
+from mirrorfold.common.units import other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
@@ -69,6 +70,14 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             where = "the frequencies [Hz]" if name == "frequency" else "the directions [degree]"
             where = "the antenna positions [m]" if name.endswith("position") else where
             raise refuse(f"has no coordinate {name!r}; add {where} before imaging")
+        unit = {"frequency": "Hz", "azimuth": "degree", "elevation": "degree"}.get(name, "m")
+        other = other_unit(sweep[name].attrs.get("units"), unit)
+        if other is not None:
+            option = {"Hz": "frequency", "degree": "angle"}.get(unit, "position")
+            raise refuse(
+                f"{name} is in {other}, as its attribute units says, expected {unit}; convert it, or correct the "
+                f"attribute (calibrate --{option}-unit {other} converts it)"
+            )
     if not raster and not monostatic and s.dims[-3:] != PAIR_DIMENSIONS:
         raise refuse(
             f"s has dimensions {s.dims}, expected (frequency, tx, rx), (frequency, position) or "

@@ -11,6 +11,7 @@ import xarray as xr
 
 from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.units import other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import STEP_TOLERANCE
 
@@ -255,6 +256,11 @@ def _check_axes(image: xr.DataArray, source: str) -> None:
     for name in axes:
         if name not in image.coords:
             raise InputError(f"{source}: has no coordinate {name!r}; add the place of each pixel along it")
+        unit = "degree" if name in ("azimuth", "elevation") else "m"
+        other = other_unit(image[name].attrs.get("units"), unit)
+        if other is not None:
+            said = f"is in {other}, as its attribute units says, expected {unit}; convert it, or correct the attribute"
+            raise InputError(f"{source}: {name} {said}")
         values = image[name].values
         wrong = unplaced(values)
         if wrong is not None:
