@@ -183,12 +183,14 @@ class FoldPlan:
             kept_measurements(image) if isinstance(image, xr.DataTree) and sweep is None else no_measurements
         )
         self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
-        # With a single antenna that sends and receives, nothing tells whether waves left and arrived by different ways.
-        checked = None if sweep is None else check_sweep(sweep)
-        self._sweep = None if checked is None or is_monostatic(checked) else checked
+        self._sweep = None if sweep is None else check_sweep(sweep)
         if self._sweep is not None:
             check_origin(self.image, self._sweep)
-            self._measure = measured_by_sweep(self._sweep)
+            # Where one antenna sends and receives, nothing tells whether waves left and arrived by different ways.
+            if is_monostatic(self._sweep) or is_raster(self._sweep):
+                self._sweep = None
+            else:
+                self._measure = measured_by_sweep(self._sweep)
         # Users move given mirrors more often than they change settings: the echoes of the latest settings are kept.
         self._view = lru_cache(partial(see, self.image))
         # None of these caches refers to the plan: an image of hundreds of megabytes is freed as soon as its plan is.

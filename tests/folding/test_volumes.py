@@ -320,3 +320,12 @@ def test_a_scan_without_noise_folds_as_one_with_noise():
     assert [row["surface"] for row in score["mirrors"]] == ["wall"]
     assert score["surfaces"]["ball"]["accuracy_m"] < 0.006
     assert score["hidden"]["invented_fraction"] < 0.02
+
+
+def test_the_sweep_of_a_scan_adds_nothing_and_that_of_another_is_refused():
+    sweep = point_sweep((0.0, 3.0, 0.0), (0.05, 3.1, 0.0))
+    volume = mf.focus(sweep)
+    xr.testing.assert_identical(mf.fold(volume, sweep=sweep), mf.fold(volume))
+    slower = sweep.assign_coords(frequency=sweep["frequency"] - 20e9)
+    with pytest.raises(mf.InputError, match="of another radar than the image"):
+        mf.fold(volume, sweep=slower)

@@ -14,7 +14,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import extent
 from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.settings import FocusSettings
-from mirrorfold.sweep import antenna_positions, frequency_step, is_monostatic, radar_position, wave_speed
+from mirrorfold.sweep import antenna_positions, frequency_step, is_monostatic, is_raster, radar_position, wave_speed
 
 
 class Labels:
@@ -131,18 +131,20 @@ def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:
     """
     frequency = sweep["frequency"].values
     step, wavelength = frequency_step(sweep), wave_speed(sweep) / float(frequency[-1])
-    tx, rx = antenna_positions(sweep)
-    along = np.asarray(image.attrs.get("array_direction", (1.0, 0.0, 0.0)), dtype=float)
     expected: dict[str, tuple[Any, float, str]] = {
         "frequency_points": (frequency.size, 0.0, "frequencies"),
         "frequency_start": (frequency[0], 0.5 * step, "Hz at first"),
         "frequency_stop": (frequency[-1], 0.5 * step, "Hz at last"),
         "radar_position": (radar_position(sweep), wavelength, "m as the radar's place"),
-        "tx_aperture": (_aperture(tx, along), wavelength, "m of transmitters"),
-        "rx_aperture": (_aperture(rx, along), wavelength, "m of receivers"),
     }
-    # The aperture of a planar array is its diagonal in older files.
-    across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}
+    across: dict[str, Array] = {}
+    if not is_raster(sweep):
+        tx, rx = antenna_positions(sweep)
+        along = np.asarray(image.attrs.get("array_direction", (1.0, 0.0, 0.0)), dtype=float)
+        expected["tx_aperture"] = _aperture(tx, along), wavelength, "m of transmitters"
+        expected["rx_aperture"] = _aperture(rx, along), wavelength, "m of receivers"
+        # The aperture of a planar array is its diagonal in older files.
+        across = {"tx_aperture": np.ptp(tx, axis=0), "rx_aperture": np.ptp(rx, axis=0)}
     for name, (value, tolerance, what) in expected.items():
         held = np.asarray(image.attrs.get(name, value))
         same_kind = held.dtype.kind in "fiu" and held.shape == np.shape(value)
