@@ -102,6 +102,10 @@ def test_a_scene_is_built_from_a_dict_from_keywords_and_in_its_place():
     scene = mf.parse_scene(content)
     assert mf.Scene(**content) == scene
     np.testing.assert_array_equal(mf.simulate(content)["s"], mf.simulate(scene)["s"])
+    with pytest.raises(
+        mf.InputError, match=r"scene: got a dict, expected its entries by name, .* mf.parse_scene takes"
+    ):
+        mf.Scene(content)
 
 
 @pytest.mark.parametrize("build", [lambda content: mf.Scene(**content), mf.parse_scene, mf.simulate])

@@ -11,7 +11,7 @@ from typing import Any, Self
 
 from pydantic import ValidationError
 
-from mirrorfold.common.arguments import in_message
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.errors import InputError
 
 INTERNAL = re.compile(r"[A-Z].*|.*[\[(].*|str|float|int")
@@ -63,8 +63,11 @@ def say_plainly(scene: type, entries: Entries) -> None:
 
     @functools.wraps(original)
     def checked(self: Any, *args: Any, **content: Any) -> None:
+        if args:
+            expected = "its entries by name, as Scene(**content); mf.parse_scene takes the content as a dict"
+            raise wrong_kind("scene", args[0], expected, reader="mf.load_scene")
         try:
-            original(self, *args, **content)
+            original(self, **content)
         except ValidationError as error:
             raise plain(error, "scene", entries) from None
 

@@ -70,12 +70,12 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             where = "the frequencies [Hz]" if name == "frequency" else "the directions [degree]"
             where = "the antenna positions [m]" if name.endswith("position") else where
             raise refuse(f"has no coordinate {name!r}; add {where} before imaging")
-        unit = {"frequency": "Hz", "azimuth": "degree", "elevation": "degree"}.get(name, "m")
-        other = other_unit(sweep[name].attrs.get("units"), unit)
+        expected = {"frequency": "Hz", "azimuth": "degree", "elevation": "degree"}.get(name, "m")
+        other = other_unit(sweep[name].attrs.get("units"), expected)
         if other is not None:
-            option = {"Hz": "frequency", "degree": "angle"}.get(unit, "position")
+            option = {"Hz": "frequency", "degree": "angle"}.get(expected, "position")
             raise refuse(
-                f"{name} is in {other}, as its attribute units says, expected {unit}; convert it, or correct the "
+                f"{name} is in {other}, as its attribute units says, expected {expected}; convert it, or correct the "
                 f"attribute (calibrate --{option}-unit {other} converts it)"
             )
     if not raster and not monostatic and s.dims[-3:] != PAIR_DIMENSIONS:
