@@ -69,6 +69,18 @@ def test_a_random_sweep_written_as_a_scan_comes_back_exactly(tmp_path_factory, k
             np.testing.assert_array_equal(back.attrs[name], sweep.attrs[name])
 
 
+def test_the_phases_of_all_files_tell_their_unit(tmp_path):
+    f, s = np.linspace(270e9, 280e9, 41), np.exp(2j * np.pi * np.linspace(0.0, 1.0, 41 * 4)).reshape(4, 41)
+    for n, values in enumerate(s):
+        rows = np.column_stack([f, np.abs(values), np.angle(values)])
+        np.savetxt(tmp_path / f"r{n}.csv", rows, delimiter=",", header="freq_Hz,S21_mag,S21_phase", comments="")
+    lines = [f"r{n}.csv,{n},0" for n in range(4)]
+    (tmp_path / "positions.csv").write_text("\n".join(["file,tx_x_mm,rx_x_mm", *lines]))
+    with pytest.warns(UserWarning, match="taken for radians"):
+        sweep = mf.import_data(tmp_path)
+    np.testing.assert_allclose(sweep["s"].values[:, :, 0].T, s, atol=1e-6)
+
+
 def test_the_beam_and_the_polarization_come_back_with_a_scan(tmp_path):
     known = {"spot_radius": 0.017, "focus_distance": 0.0, "polarization": "TM"}
     sweep = random_sweep("raster", 1).assign_attrs(known)

@@ -66,10 +66,13 @@ class Spectra:
     frequency : (frequencies,) array [Hz]
     parameters : dict of (frequencies,) complex arrays
         Scattering parameters by name, such as ``"S21"``.
+    bare_phases : dict of (frequencies,) arrays
+        By parameter, the phases whose unit only their values told: those of all files of a scan tell it better.
     """
 
     frequency: NDArray[np.float64]
     parameters: Mapping[str, NDArray[np.complex128]]
+    bare_phases: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

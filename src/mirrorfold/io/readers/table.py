@@ -244,12 +244,12 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
             continue
         parts.setdefault(name, {})[kind] = table.values[:, n]
         whose[name, kind] = heading
-    phases = [columns["phase"] for columns in parts.values() if "phase" in columns]
-    unit = _phase_unit(path, np.concatenate(phases)) if phases else "degree"  # one for all columns
+    phases = {name: columns["phase"] for name, columns in parts.items() if "phase" in columns}
+    unit = usual_phase_unit(path, np.concatenate([*phases.values()])) if phases else "degree"  # one for all columns
     made = {name: _complex(columns, unit) for name, columns in parts.items()}
     halves = {heading: HALVES[kind] for (name, kind), heading in whose.items() if made[name] is None}
     complete = {name: values for name, values in made.items() if values is not None}
-    return (Spectra(frequency, complete) if complete else None), unknown, halves
+    return (Spectra(frequency, complete, phases) if complete else None), unknown, halves
 
 
 def _kind(heading: str) -> tuple[str | None, str]:
@@ -275,7 +275,7 @@ def _name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", " ", text).strip() or "s"
 
 
-def _phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
+def usual_phase_unit(path: Path, phase: NDArray[np.float64]) -> str:
     """The unit of phases whose heading names none: degrees, or with a warning radians."""
     if phase_unit("", phase) != "radian":
         return "degree"

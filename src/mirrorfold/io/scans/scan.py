@@ -25,6 +25,7 @@ from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
 from mirrorfold.io.readers.pair_tables import PLACE_DIGITS, distinct, sweep_of_wide_table
+from mirrorfold.io.readers.table import usual_phase_unit
 from mirrorfold.io.scans.networks import SpectraInMemory
 from mirrorfold.io.scans.positions import FilePosition, Scan, arrangement_of, match_pattern, read_positions
 from mirrorfold.sweep import AXES, TIME_CONVENTION, check_sweep, unit_doubts
@@ -196,7 +197,7 @@ def _spectra(
     name = _parameter(files[0], first, parameter, kind)
     frequency = first.frequency
     check_memory(files[0].parent, 2.0 * 8 * frequency.size * len(files), f"the scan of {len(files)} files")
-    s = np.empty((len(files), frequency.size), dtype=np.complex64)
+    s, phases = np.empty((len(files), frequency.size), dtype=np.complex64), []
     for n, path in enumerate(files):
         found = first if n == 0 else read_spectra(path)
         if found.frequency.shape != frequency.shape or not np.allclose(
@@ -210,8 +211,13 @@ def _spectra(
         if name not in found.parameters:
             raise InputError(f"{path}: holds {listed(found.parameters)} and not {name}; measure it again")
         s[n] = found.parameters[name]
+        phases += [found.bare_phases[name]] if name in found.bare_phases else []
         if progress is not None and (n + 1) % 64 == 0:
             progress(n + 1, len(files))
+    if len(phases) == len(files):
+        phase = np.stack(phases)
+        unit = usual_phase_unit(files[0].parent, phase.ravel())
+        s = np.abs(s) * np.exp(1j * (phase if unit == "radian" else np.radians(phase))).astype(np.complex64)
     return frequency, np.ascontiguousarray(s.T)
 
 
