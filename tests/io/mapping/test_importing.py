@@ -103,6 +103,10 @@ def test_a_half_matrix_becomes_a_full_one_by_reciprocity(tmp_path):
     sweep = mf.import_data(tmp_path / "fmc.mat", mapping=mapping)
     same(sweep, f, place, place, s)
     assert "measured" not in sweep.coords
+    apart = {name: value for name, value in mapping.items() if name != "elements"}
+    apart |= {"tx": {"position": "d.el"}, "rx": {"position": np.add(place, [0.0, 0.0, 0.015]).tolist()}}
+    with pytest.raises(mf.InputError, match="reciprocal is true, and transmitters and receivers stand at different"):
+        mf.import_data(tmp_path / "fmc.mat", mapping=apart)
     half = mf.import_data(tmp_path / "fmc.mat", mapping=mapping | {"reciprocal": False})
     np.testing.assert_array_equal(half["measured"], np.triu(np.ones((6, 6), dtype=bool)))
     assert not np.any(half["s"].values[:, 3, 1])

@@ -20,6 +20,9 @@ Array = NDArray[np.floating]
 LEADING = ("polarization", "frame")
 """Axes of a sweep before frequency, in this order."""
 
+SAME_PLACE = 1e-9
+"""Largest distance of two antennas that are one [m], far below any wavelength."""
+
 ANGLE_DIGITS = 6
 """Digits after the point to which angles [degree] must agree to be the same."""
 
@@ -110,7 +113,12 @@ def _pairs(samples: ArrangedSamples) -> xr.Dataset:
                 f"{last}; correct it, or the base"
             )
         index.append(whole)
-    reciprocal = samples.mapping.reciprocal and len(tx) == len(rx)
+    reciprocal = samples.mapping.reciprocal
+    if reciprocal and not (tx.shape == rx.shape and np.allclose(tx, rx, rtol=0.0, atol=SAME_PLACE)):
+        raise quantities.fail(
+            "reciprocal is true, and transmitters and receivers stand at different places, so that no pair has the "
+            "samples of another; leave it out, or give elements in place of tx and rx"
+        )
     full, measured = fill_matrix(quantities, samples.s, index[0], index[1], (len(tx), len(rx)), reciprocal=reciprocal)
     coords = _pair_coords(tx, rx)
     if not measured.all():
