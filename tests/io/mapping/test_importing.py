@@ -293,3 +293,27 @@ def test_the_mappings_that_come_along_are_valid():
         load_mapping(name)
     with pytest.raises(InputError, match="arim, gotcha, merit"):
         load_mapping("nothing")
+
+
+def test_files_are_joined_to_frames_of_the_same_pairs_and_waves(tmp_path):
+    f, tx, rx = np.linspace(290e9, 300e9, 11), line_of(3), line_of(4, 0.01)
+    s, (i, k) = echo(f, tx, rx), np.indices((3, 4)).reshape(2, -1)
+    files = [tmp_path / f"{n}.npz" for n in range(2)]
+
+    def write(n, kept=slice(None), speed=2.9e8):
+        np.savez(files[n], s=(1 + n) * s[:, i[kept], k[kept]], tx=i[kept], rx=k[kept], f=f, a=tx, b=rx, c=speed)
+
+    mapping = {
+        "s": {"variable": "s", "dims": ["frequency", "pair"]}, "frequency": "f", "tx": {"position": "a"},
+        "rx": {"position": "b"}, "pairs": {"tx": "tx", "rx": "rx", "base": 0}, "wave_speed": "c", "join": "frame",
+    }  # fmt: skip
+    write(0), write(1)
+    joined = mf.import_data(files, mapping=mapping)
+    assert joined["s"].dims == ("frame", "frequency", "tx", "rx")
+    np.testing.assert_allclose(joined["s"], [s, 2 * s], atol=1e-5)
+    write(1, slice(1, None))
+    with pytest.raises(mf.InputError, match=r"1\.npz: lacks other pairs than .*0\.npz"):
+        mf.import_data(files, mapping=mapping)
+    write(1, speed=2.8e8)
+    with pytest.raises(mf.InputError, match=r"1\.npz: has another wave_speed"):
+        mf.import_data(files, mapping=mapping)

@@ -16,7 +16,7 @@ from mirrorfold.io.mapping.model import Mapping
 from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.mapping.samples import rising, samples_of, to_frequency
 from mirrorfold.io.readers import Contents
-from mirrorfold.sweep import TIME_CONVENTION, check_sweep, frequency_unit_of, unit_doubts
+from mirrorfold.sweep import TIME_CONVENTION, check_sweep, frequency_unit_of, unit_doubts, wave_speed
 
 
 def assemble(contents: Contents, mapping: Mapping) -> xr.Dataset:
@@ -86,10 +86,14 @@ def join(sweeps: Sequence[xr.Dataset], along: str, names: Sequence[str]) -> xr.D
             raise InputError(f"{name}: has other frequencies than {names[0]}; import it by itself")
         if sweep["s"].dims[-2:] != first["s"].dims[-2:] or (along == "position") != ("position" in sweep["s"].dims):
             raise InputError(f"{name}: has the dimensions {sweep['s'].dims}, which cannot be joined along {along!r}")
+        if wave_speed(sweep) != wave_speed(first):
+            raise InputError(f"{name}: has another wave_speed than {names[0]}; import it by itself")
         fixed = ("tx_position", "rx_position", "antenna_position", "azimuth", "elevation")
         for place in fixed if along == "frame" else ():
             if place in first.variables and not np.array_equal(first[place], sweep[place]):
                 raise InputError(f"{name}: has another {place} than {names[0]}; import it by itself")
+        if not np.array_equal(*(one["measured"] if "measured" in one.coords else True for one in (first, sweep))):
+            raise InputError(f"{name}: lacks other pairs than {names[0]}; import it by itself")
     if along == "frame":
         sweeps = [sweep if "frame" in sweep["s"].dims else sweep.expand_dims(frame=1) for sweep in sweeps]
         sweeps = [sweep.reset_coords(drop=False) for sweep in sweeps]

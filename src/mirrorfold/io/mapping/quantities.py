@@ -53,7 +53,7 @@ class Quantities:
             found = np.array(values.values)
         else:
             found = self._steps(values)
-        if found.dtype.kind not in "fiub" or max((*found.shape, 0)) != found.size:
+        if found.dtype.kind not in "fiub" or max(found.shape, default=1) != found.size:
             raise self.fail(f"{name} has type {found.dtype} and shape {found.shape}, expected a row of real numbers")
         unit = values.unit
         if unit is None and values.variable is not None and kind in ("frequency", "time"):
