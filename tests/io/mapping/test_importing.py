@@ -317,3 +317,14 @@ def test_files_are_joined_to_frames_of_the_same_pairs_and_waves(tmp_path):
     write(1, speed=2.8e8)
     with pytest.raises(mf.InputError, match=r"1\.npz: has another wave_speed"):
         mf.import_data(files, mapping=mapping)
+
+
+def test_places_without_a_unit_are_in_that_of_their_variables(tmp_path):
+    f, tx, rx = np.linspace(290e9, 300e9, 11), line_of(3), line_of(4, 0.01)
+    s = echo(f, tx, rx)
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["s"], file["f"], file["a"], file["rx_x_mm"], file["b"] = s, f, 100 * tx, 1e3 * rx[:, 0], rx
+        file["a"].attrs["units"] = "cm"
+    mapping = {"s": {"variable": "s", "dims": ["frequency", "tx", "rx"]}, "frequency": "f", "tx": {"position": "a"}}
+    for places in ({"x": "rx_x_mm"}, {"position": "b"}, {"x": "rx_x_mm", "unit": "mm"}):
+        same(mf.import_data(tmp_path / "d.h5", mapping=mapping | {"rx": places}), f, tx, rx, s)

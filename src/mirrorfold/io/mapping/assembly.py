@@ -92,7 +92,8 @@ def join(sweeps: Sequence[xr.Dataset], along: str, names: Sequence[str]) -> xr.D
         for place in fixed if along == "frame" else ():
             if place in first.variables and not np.array_equal(first[place], sweep[place]):
                 raise InputError(f"{name}: has another {place} than {names[0]}; import it by itself")
-        if not np.array_equal(*(one["measured"] if "measured" in one.coords else True for one in (first, sweep))):
+        measured = [np.asarray(one["measured"]) if "measured" in one.coords else np.True_ for one in (first, sweep)]
+        if not np.array_equal(measured[0], measured[1]):
             raise InputError(f"{name}: lacks other pairs than {names[0]}; import it by itself")
     if along == "frame":
         sweeps = [sweep if "frame" in sweep["s"].dims else sweep.expand_dims(frame=1) for sweep in sweeps]

@@ -198,6 +198,7 @@ class Places(Strict):
     x, y, z
         Instead, the coordinates one by one, each a row or one number.
     unit : str
+        By default the one that the variable names, else metres.
     """
 
     position: str | list[list[Finite]] | None = None
@@ -206,7 +207,7 @@ class Places(Strict):
     x: Row | None = None
     y: Row | None = None
     z: Row | None = None
-    unit: Unit = "m"
+    unit: Unit | None = None
 
     @model_validator(mode="before")
     @classmethod

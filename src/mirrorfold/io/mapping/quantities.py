@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -56,14 +57,18 @@ class Quantities:
         if found.dtype.kind not in "fiub" or max(found.shape, default=1) != found.size:
             raise self.fail(f"{name} has type {found.dtype} and shape {found.shape}, expected a row of real numbers")
         unit = values.unit
-        if unit is None and values.variable is not None and kind in ("frequency", "time"):
-            said = str(self.contents.variables[values.variable].attrs.get("units", ""))
-            unit = unit_of_name(values.variable.rpartition(".")[2], kind, said)
+        if unit is None and values.variable is not None and kind in ("frequency", "time", "angle"):
+            unit = self._named_unit(values.variable, kind)
         result = found.astype(float).ravel() * (UNITS[unit] if unit else 1.0)
         if not np.isfinite(result).all():
             at = int(np.flatnonzero(~np.isfinite(result))[0])
             raise self.fail(f"{name} holds values that are not finite, the first as number {at}; correct the file")
         return result
+
+    def _named_unit(self, variable: str, kind: str) -> str | None:
+        """The unit that a variable names itself, by its attribute or the end of its name; None if it does not."""
+        said = str(self.contents.variables[variable].attrs.get("units", ""))
+        return unit_of_name(variable.rpartition(".")[2], kind, said)
 
     def _steps(self, values: Values) -> Array:
         """A row of equal steps."""
@@ -103,7 +108,7 @@ class Quantities:
         InputError
             If they are missing, or are no list of places.
         """
-        if places.unit not in KINDS["length"]:
+        if places.unit is not None and places.unit not in KINDS["length"]:
             raise self.fail(f"{name} has the unit {places.unit!r}, expected one of {', '.join(KINDS['length'])}")
         if places.position is None and places.file is None:
             rows = [
@@ -115,7 +120,7 @@ class Quantities:
                 said = ", ".join(f"{axis} {row.size}" for axis, row in zip("xyz", rows, strict=True))
                 raise self.fail(f"{name} has coordinates of different lengths: {said}")
             scaled = [
-                row * (1.0 if given is not None and given.unit else UNITS[places.unit])
+                row * (1.0 if given is not None and given.unit else self._metres(places, given and given.variable))
                 for row, given in zip(rows, (places.x, places.y, places.z), strict=True)
             ]
             return np.stack(np.broadcast_arrays(*scaled), axis=-1)
@@ -144,4 +149,9 @@ class Quantities:
         if not np.isfinite(result).all():
             at = int(np.flatnonzero(~np.isfinite(result).all(axis=1))[0])
             raise self.fail(f"{name} holds places that are not finite, the first as number {at}; correct the file")
-        return result * UNITS[places.unit]
+        return result * self._metres(places, places.position)
+
+    def _metres(self, places: Places, variable: Any) -> float:
+        """The factor of the unit of places, for coordinates from a variable or from elsewhere."""
+        named = self._named_unit(variable, "length") if isinstance(variable, str) else None
+        return UNITS[places.unit or named or "m"]
