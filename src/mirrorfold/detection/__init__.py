@@ -2,7 +2,27 @@
 
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
-from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.mirrors.mirror import Fold, Mirror, fold_of
+from mirrorfold.detection.mirrors.round_mirror import RoundMirror
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
+from mirrorfold.detection.views.volume_view import VolumeView
 
-__all__ = ["Echoes", "Mirror", "View", "find_echoes", "find_mirrors", "see", "usual_settings"]
+__all__ = [
+    "ArcMirror",
+    "Echoes",
+    "Fold",
+    "ImageView",
+    "LineMirror",
+    "Mirror",
+    "RoundMirror",
+    "View",
+    "VolumeView",
+    "find_echoes",
+    "find_mirrors",
+    "fold_of",
+    "see",
+    "usual_settings",
+]

@@ -16,7 +16,7 @@ from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import View
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 
 FEWEST_PIXELS = 8

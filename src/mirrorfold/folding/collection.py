@@ -11,8 +11,8 @@ import xarray as xr
 
 from mirrorfold import __version__
 from mirrorfold.common.chains import chain_name
+from mirrorfold.detection import Fold, Mirror
 from mirrorfold.detection.finding import example_mirror
-from mirrorfold.detection.mirrors.mirror import Fold, Mirror
 from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points

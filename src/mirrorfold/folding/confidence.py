@@ -18,9 +18,9 @@ from scipy.special import expit
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.types import Array, Index
+from mirrorfold.detection import View
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import turns
-from mirrorfold.detection.views.view import View
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree, place_covariance

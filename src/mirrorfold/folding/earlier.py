@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.tree.assignment import ITSELF
 from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS, Overhangs

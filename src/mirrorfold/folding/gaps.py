@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Index
+from mirrorfold.detection import ImageView
 from mirrorfold.detection.image_echoes import FAINT_DB
-from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.mirror_tree import MirrorTree
 

@@ -19,11 +19,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection import ArcMirror, ImageView, Mirror, View
 from mirrorfold.detection.mirrors.curved import growth_over, last_curved
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
 
 TAPERED = 0.5
 """Share of the aperture over which deviating directions of waves count: transmitters and receivers together weight the

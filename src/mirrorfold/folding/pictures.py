@@ -13,12 +13,8 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.mirrors.mirror import ChainFold, Fold, fold_of
-from mirrorfold.detection.mirrors.round_mirror import RoundMirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
-from mirrorfold.detection.views.volume_view import VolumeView
+from mirrorfold.detection import ArcMirror, Fold, ImageView, RoundMirror, View, VolumeView, fold_of
+from mirrorfold.detection.mirrors.mirror import ChainFold
 from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import draw_bent_row, draw_round_row, draw_row
 from mirrorfold.folding.points import BLOB_CELLS, Points, owned_blobs

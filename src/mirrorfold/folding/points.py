@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.types import Array, Chain, Index, Mask, Names
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.views.view import View, in_pieces
+from mirrorfold.detection import Echoes, View
+from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.half_transparent.transparent import TransparentWall
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mirrorfold.common.types import Chain, Mask, Names
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection import Echoes, Mirror, fold_of
 from mirrorfold.tree.explaining.edges import beyond_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, images_of_radar
 from mirrorfold.tree.mirror_tree import MirrorTree

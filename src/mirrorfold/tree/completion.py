@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
 from mirrorfold.detection.finding import Finder, find_mirrors
-from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.search.edge_on import edge_on
 from mirrorfold.detection.search.lines import MINIMUM_CELLS
 from mirrorfold.detection.search.shadows import beyond_shadows, joined
-from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.short_rows import SHORTEST_CELLS

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mirrorfold.detection import Mirror, View
 from mirrorfold.detection.finding import find_curved_rows
-from mirrorfold.detection.mirrors.mirror import Mirror, faces
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Evidence, Steps, with_rows
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN

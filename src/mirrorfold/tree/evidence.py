@@ -18,10 +18,9 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection import Echoes, Mirror, View, fold_of
 from mirrorfold.detection.mirrors.curved import growth_over, overlap
-from mirrorfold.detection.mirrors.mirror import Mirror, fold_of, turns
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection.mirrors.mirror import turns
 from mirrorfold.tree.assignment import Found
 
 KNOWN_CELLS = 1.5

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import View
 
 STRONG_SHARE = 0.75
 """Share of the half-width of a beam up to which echoes are of one object. That far aside a beam has fallen by some

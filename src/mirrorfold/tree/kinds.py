@@ -15,11 +15,8 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import find_echoes, with_cache
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.evidence import Steps

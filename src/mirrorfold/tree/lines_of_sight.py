@@ -15,9 +15,8 @@ import numpy as np
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Fold
-from mirrorfold.detection.views.view import View, in_pieces
+from mirrorfold.detection import Echoes, Fold, View
+from mirrorfold.detection.views.view import in_pieces
 
 CLEAR_DB = 20.0
 """An echo is no multiple scattering of the objects in front of it if it is stronger than each of them by this many

@@ -9,8 +9,7 @@ from functools import partial
 import xarray as xr
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
 from mirrorfold.tree.explaining.misplaced import Known, confocal, misplaced
 from mirrorfold.tree.ordering import Order

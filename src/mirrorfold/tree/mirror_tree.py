@@ -10,8 +10,7 @@ import numpy as np
 
 from mirrorfold.common.svg import tree_card
 from mirrorfold.common.types import Array, Chain
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Fold, Mirror, fold_of
+from mirrorfold.detection import Echoes, Fold, Mirror, fold_of
 
 
 @dataclass(frozen=True, eq=False)

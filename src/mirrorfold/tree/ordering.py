@@ -16,10 +16,10 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import Echoes, brightest_of, reference_echo
+from mirrorfold.detection import Echoes, Mirror, View, fold_of
+from mirrorfold.detection.echoes import brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
-from mirrorfold.detection.mirrors.mirror import Mirror, faces, fold_of
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.tree.explaining.shadowless import without_shadow
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, ROOT, UNSEEN, Cover, LinesOfSight
 

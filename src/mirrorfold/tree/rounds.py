@@ -16,12 +16,9 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import Finder, find_mirrors
 from mirrorfold.detection.mirrors.curved import on_rows
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent

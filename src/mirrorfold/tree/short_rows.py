@@ -13,12 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Mirror, faces
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
 from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, ROOT, UNSEEN

@@ -15,8 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import ImageView, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import last_leg
 from mirrorfold.tree.grouping import connected

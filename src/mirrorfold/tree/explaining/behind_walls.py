@@ -13,14 +13,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, fold_of
 from mirrorfold.detection.finding import NEAREST
-from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
 from mirrorfold.detection.search.lines import find_lines
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import BEYOND
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight

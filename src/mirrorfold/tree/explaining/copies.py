@@ -12,8 +12,9 @@ import numpy as np
 from scipy.ndimage import label, maximum_filter
 
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
-from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection import Echoes, ImageView
+from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 

@@ -20,7 +20,8 @@ from mirrorfold.common.phasor import unit_phasor
 from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
-from mirrorfold.detection.views.image_view import LARGEST_SINE, ImageView
+from mirrorfold.detection import ImageView
+from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber

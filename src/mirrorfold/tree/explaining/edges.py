@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.types import Index
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import fold_of
+from mirrorfold.detection import Echoes, fold_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
 from mirrorfold.tree.ordering import Order
 

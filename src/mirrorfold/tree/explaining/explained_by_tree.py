@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirrorfold.common.types import Chain, Names
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
 from mirrorfold.tree.explaining.behind_walls import (

@@ -18,11 +18,7 @@ import xarray as xr
 
 from mirrorfold.common.geometry import crossing, unit
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror, View
 from mirrorfold.sweep import antenna_positions
 from mirrorfold.tree.explaining.directions import amplitude_at
 from mirrorfold.tree.explaining.edges import BEHIND_CELLS

@@ -19,10 +19,8 @@ from scipy.ndimage import maximum_filter
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal, signed_distance
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.echoes import Echoes, strongest_of
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.detection.echoes import strongest_of
 from mirrorfold.tree.explaining.late_walls import APART_CELLS
 from mirrorfold.tree.explaining.true_walls import BEYOND, EXPECTED_CELLS, strongest_flat, true_ends
 from mirrorfold.tree.grouping import object_numbers

@@ -16,9 +16,8 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.search.lines import SMALLEST_FILL
-from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.explaining.true_walls import BEYOND, strongest_flat, true_ends
 from mirrorfold.tree.ordering import Order
 

@@ -13,7 +13,8 @@ import xarray as xr
 from scipy.ndimage import label, maximum, maximum_filter1d
 
 from mirrorfold.common.types import Array
-from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection import ImageView
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.tree.explaining.directions import beside_main_lobe
 

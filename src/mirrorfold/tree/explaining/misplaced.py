@@ -13,9 +13,8 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Names
-from mirrorfold.detection.echoes import Echoes, strongest_of
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, ImageView, View
+from mirrorfold.detection.echoes import strongest_of
 from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio, grating_lobe
 from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio

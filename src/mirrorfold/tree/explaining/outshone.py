@@ -13,9 +13,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from mirrorfold.common.types import Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, ImageView, View
+from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 
 OUTSHONE = "may be a side lobe of a much brighter one"
 

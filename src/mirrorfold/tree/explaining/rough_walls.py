@@ -13,9 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Fold, fold_of
-from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection import Echoes, Fold, ImageView, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order

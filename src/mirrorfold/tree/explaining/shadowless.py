@@ -13,10 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes, brightest_of
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import object_numbers
 from mirrorfold.tree.lines_of_sight import CLEAR_DB, OUTSHINES_DB
 

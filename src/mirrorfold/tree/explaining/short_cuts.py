@@ -11,9 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import fold_of
-from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.detection import Echoes, ImageView, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order

@@ -14,10 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Mirror
-from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
 from mirrorfold.tree.grouping import object_numbers

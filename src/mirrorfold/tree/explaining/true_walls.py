@@ -8,7 +8,7 @@ import numpy as np
 
 from mirrorfold.common.geometry import segment_normal, signed_distance, unit
 from mirrorfold.common.types import Array
-from mirrorfold.detection.mirrors.mirror import Mirror, fold_of
+from mirrorfold.detection import Mirror, fold_of
 
 EXPECTED_CELLS = 0.75
 """Largest distance of an echo from where it is expected, in range cells: echoes and walls each err by half a cell."""

@@ -13,7 +13,8 @@ import xarray as xr
 
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection.views.image_view import LARGEST_SINE, ImageView
+from mirrorfold.detection import ImageView
+from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
 from mirrorfold.sweep.pairs import Pairs, pairs_of
 

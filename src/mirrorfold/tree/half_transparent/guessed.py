@@ -17,9 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Fold, Mirror
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection import Echoes, Fold, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import last_leg, met_by, prolonged_where_hidden
 from mirrorfold.tree.grouping import object_numbers

@@ -20,10 +20,8 @@ from scipy.special import expit
 from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.common.windows import hann
-from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
-from mirrorfold.detection.views.view import View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
 from mirrorfold.tree.half_transparent.wall_glints import Glints, measured_pane
