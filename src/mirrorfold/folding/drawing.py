@@ -1,7 +1,10 @@
 """Kernels that draw the folded scene: every pixel looks up the image at the places where chains of mirrors show it.
 
 Of the amplitudes found there, the largest is drawn. There is one kernel for chains of flat mirrors, and one each for
-chains that end with an arc, and with a cylinder or a sphere.
+chains that end with an arc, and with a cylinder or a sphere. What all of them look up is one tuple, `seen`, which
+`pictures.draw` makes: the map without mirrors, the passages of the lines of sight (two arrays), range and level of the
+cover, where the direct view is empty, the margin behind walls [m], the owners of the samples, the image and its gain,
+the steps to directions beside, the number of directions along both axes, and the `grid` of the samples.
 """
 
 from __future__ import annotations
@@ -37,16 +40,13 @@ def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
-def _shown(  # type: ignore[no-untyped-def]
-    a, e, k, x, y, z, mirror, unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side,
-    shape, grid, least,
-):  # fmt: skip
+def _shown(a, e, k, x, y, z, mirror, seen, least):  # type: ignore[no-untyped-def]
     """The amplitude of the image at sample a, e, k (angles, range), if `mirror` shows there what stands at x, y, z [m].
 
     Zero if the radar does not look by way of that mirror there, if an object in front hides the sample, if the echo
     there is doubted or folded by another mirror, or if the amplitude does not exceed `least`.
     """
-    columns, rows = shape
+    unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, (columns, rows), grid = seen
     if not (0.0 <= a <= columns - 1 and 0.0 <= e <= rows - 1 and 0.0 <= k < gain.size - 1):
         return 0.0
     beam, r = int(a + 0.5) * rows + int(e + 0.5), grid[2, 0] + k * grid[2, 1]
@@ -76,19 +76,15 @@ def _shown(  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy")
-def draw_row(  # type: ignore[no-untyped-def]
-    x, y, z, maps, number, bound, brightest, pixels, crossing, through, begin, level, empty, margin, blobs, amplitude,
-    gain, side, shape, grid, out,
-):  # fmt: skip
+def draw_row(x, y, z, maps, number, bound, brightest, pixels, seen, out):  # type: ignore[no-untyped-def]
     """Voxels of one y, (x, z): the largest amplitude with which a chain of mirrors shows them, see `pictures.draw`.
 
-    The first of the `maps` (n, 3, 4) is the one without mirrors; all lead to the radar's own frame. The rows of `grid`
-    (3, 4) are the two angles and the range: first value, step, and for angles the lowest and highest tangent, or sine
-    for an image, which has one row of directions. A block of `pixels` (2,) along x and z shows nothing brighter than
-    its `bound` (n, x, z); blocks are taken in the order `brightest`, by falling bound. If `out` is (x, 1), it gets the
-    largest amplitude over all z.
+    All `maps` (n, 3, 4) lead to the radar's own frame. The rows of the `grid` in `seen`, (3, 4), are the two angles and
+    the range: first value, step, and for angles the lowest and highest tangent, or sine for an image, which has one row
+    of directions. A block of `pixels` (2,) along x and z shows nothing brighter than its `bound` (n, x, z); blocks are
+    taken in the order `brightest`, by falling bound. If `out` is (x, 1), it gets the largest amplitude over all z.
     """
-    columns = out.shape[1] == 1
+    columns, shape, grid = out.shape[1] == 1, seen[-2], seen[-1]
     for w in range(number.size):
         for j in range(x.size):
             blocks, order = bound[w, j // pixels[0]], brightest[w, j // pixels[0]]
@@ -98,19 +94,12 @@ def draw_row(  # type: ignore[no-untyped-def]
                 for i in range(block * pixels[1], min((block + 1) * pixels[1], z.size)):
                     a, e, k = _place(maps[w], x[j], y, z[i], grid, shape[1] == 1)
                     into = 0 if columns else i
-                    value = _shown(
-                        a, e, k, x[j], y, z[i], number[w], maps[0], crossing, through, begin, level, empty, margin,
-                        blobs, amplitude, gain, side, shape, grid, out[j, into],
-                    )  # fmt: skip
-                    if value > out[j, into]:
-                        out[j, into] = value
+                    value = _shown(a, e, k, x[j], y, z[i], number[w], seen, out[j, into])
+                    out[j, into] = max(value, out[j, into])
 
 
 @njit(nogil=True, error_model="numpy")
-def draw_bent_row(  # type: ignore[no-untyped-def]
-    x, y, unfold, column, place, heading, before, unmoved, number, crossing, through, begin, level, empty, margin,
-    blobs, amplitude, gain, side, shape, grid, out,
-):  # fmt: skip
+def draw_bent_row(x, y, unfold, column, place, heading, before, number, seen, out):  # type: ignore[no-untyped-def]
     """As `draw_row`, for what an arc shows: pixels of one y, (x, 1).
 
     The lines of sight `column` (m,) meet the arc at `place` (m, 2) [m], after the way `before` (m,) [m], and leave it
@@ -118,6 +107,7 @@ def draw_bent_row(  # type: ignore[no-untyped-def]
     them. A pixel is shown by every reflected line of sight that leads to it (Fermat), interpolated between the two
     that pass it on either side. Behind a caustic there are several, of which the strongest is drawn.
     """
+    grid = seen[-1]
     for j in range(x.size):
         px = unfold[0, 0] * x[j] + unfold[0, 1] * y + unfold[0, 2]
         py = unfold[1, 0] * x[j] + unfold[1, 1] * y + unfold[1, 2]
@@ -131,26 +121,20 @@ def draw_bent_row(  # type: ignore[no-untyped-def]
                 hx = place[i - 1, 0] + share * (place[i, 0] - place[i - 1, 0])
                 hy = place[i - 1, 1] + share * (place[i, 1] - place[i - 1, 1])
                 r = before[i - 1] + share * (before[i] - before[i - 1]) + np.sqrt((px - hx) ** 2 + (py - hy) ** 2)
-                value = _shown(
-                    column[i - 1] + share, 0.0, (r - grid[2, 0]) / grid[2, 1], x[j], y, 0.0, number, unmoved, crossing,
-                    through, begin, level, empty, margin, blobs, amplitude, gain, side, shape, grid, out[j, 0],
-                )  # fmt: skip
-                if value > out[j, 0]:
-                    out[j, 0] = value
+                sample = (r - grid[2, 0]) / grid[2, 1]
+                value = _shown(column[i - 1] + share, 0.0, sample, x[j], y, 0.0, number, seen, out[j, 0])
+                out[j, 0] = max(value, out[j, 0])
             last, ahead_last = miss, ahead
 
 
 @njit(nogil=True, error_model="numpy")
-def draw_round_row(  # type: ignore[no-untyped-def]
-    x, y, z, unfold, middle, axis, radius, radar, unmoved, number, crossing, through, begin, level, empty, margin,
-    blobs, amplitude, gain, side, shape, grid, out,
-):  # fmt: skip
+def draw_round_row(x, y, z, unfold, middle, axis, radius, radar, number, seen, out):  # type: ignore[no-untyped-def]
     """As `draw_row`, for what a cylinder or a sphere with `middle`, `axis` and `radius` shows: voxels of one y, (x, z).
 
     The map `unfold` (3, 4) takes voxels to where the flat mirrors in front of the surface show them. The image shows a
     voxel along the one line of sight that the surface reflects to it, at the length of the whole way.
     """
-    columns = out.shape[1] == 1
+    columns, unmoved, shape, grid = out.shape[1] == 1, seen[0], seen[-2], seen[-1]
     for j in range(x.size):
         for i in range(z.size):
             px = unfold[0, 0] * x[j] + unfold[0, 1] * y + unfold[0, 2] * z[i] + unfold[0, 3]
@@ -161,13 +145,8 @@ def draw_round_row(  # type: ignore[no-untyped-def]
                 continue
             dx, dy, dz = hx - radar[0], hy - radar[1], hz - radar[2]
             share = r / np.sqrt(dx * dx + dy * dy + dz * dz)
-            a, e, k = _place(
-                unmoved, radar[0] + share * dx, radar[1] + share * dy, radar[2] + share * dz, grid, shape[1] == 1
-            )
+            vx, vy, vz = radar[0] + share * dx, radar[1] + share * dy, radar[2] + share * dz
+            a, e, k = _place(unmoved, vx, vy, vz, grid, shape[1] == 1)
             into = 0 if columns else i
-            value = _shown(
-                a, e, k, x[j], y, z[i], number, unmoved, crossing, through, begin, level, empty, margin, blobs,
-                amplitude, gain, side, shape, grid, out[j, into],
-            )  # fmt: skip
-            if value > out[j, into]:
-                out[j, into] = value
+            value = _shown(a, e, k, x[j], y, z[i], number, seen, out[j, into])
+            out[j, into] = max(value, out[j, into])

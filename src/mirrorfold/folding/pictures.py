@@ -109,57 +109,48 @@ def draw(
         into[: len(frame), 3] = frame @ (back.shift - view.radar)
     crossing, through = map(np.ascontiguousarray, sight.passages)
     empty = sight.open if sight.open.size else np.zeros(len(view.sight))
-    seen = crossing, through, sight.cover.range, sight.cover.level, empty, wall_margin, blobs
     numbers = np.array(list(mirrors))
     steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
     if isinstance(view, VolumeView):
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
-    tables = amplitude, gain, view.beside_steps(view.range), shape, steps
+    hidden, side = (sight.cover.range, sight.cover.level, empty), view.beside_steps(view.range)
+    seen = maps[0], crossing, through, *hidden, wall_margin, blobs, amplitude, gain, side, shape, steps
     height = z[0] if z else np.zeros(1)
     columns = strongest or not z
     out = np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)
     samples = amplitude[:, : shape[1]].reshape(-1, view.range.size)
     ahead = {index: back.inverse for index, back in mirrors.items()}
     near = blocks(view, ahead, (x, y, height), blobs, samples, gain, (crossing, through, wall_margin))
-    arcs = [
-        (index, way)
-        for index, fold in chains.items()
-        if isinstance(fold, ChainFold) and isinstance(view, ImageView) and (way := _bent(fold, view)) is not None
-    ]
+    curved = {index: fold for index, fold in chains.items() if isinstance(fold, ChainFold)}
+    arcs = [(index, way) for index, fold in curved.items() if (way := _bent(fold, view))]
     round_ones = [
         (index, *box, met)
-        for index, fold in chains.items()
-        if isinstance(fold, ChainFold)
-        and isinstance(view, VolumeView)
-        and (met := _round(fold)) is not None
-        and (box := _boxed(fold, view, blobs == index, (x, y, height))) is not None
+        for index, fold in curved.items()
+        if (met := _round(fold)) and (box := _boxed(fold, view, blobs == index, (x, y, height)))
     ]
 
     def row(i: int) -> None:
         part = i // near.size[0]
         nearby = near.bound[part], near.order[part], near.size[1:]
-        draw_row(x, float(y[i]), height, maps, numbers, *nearby, *seen, *tables, out[i])
+        draw_row(x, float(y[i]), height, maps, numbers, *nearby, seen, out[i])
         for index, way in arcs:
-            draw_bent_row(x, float(y[i]), *way, maps[0], index, *seen, *tables, out[i])
+            draw_bent_row(x, float(y[i]), *way, index, seen, out[i])
         for index, across, ahead_of, up, met in round_ones:
             if ahead_of.start <= i < ahead_of.stop:
                 part_of_row = out[i, across] if columns else out[i, across, up]
-                draw_round_row(x[across], float(y[i]), height[up], *met, maps[0], index, *seen, *tables, part_of_row)
+                draw_round_row(x[across], float(y[i]), height[up], *met, index, seen, part_of_row)
 
     for_each(row, range(y.size))
     return out[..., 0] if columns else np.moveaxis(out, -1, 0)
 
 
-def _bent(fold: ChainFold, view: ImageView) -> tuple[Array, Index, Array, Array, Array] | None:
+def _bent(fold: ChainFold, view: View) -> tuple[Array, Index, Array, Array, Array] | None:
     """Arguments of `draw_bent_row` for an arc: `unfold`, `column`, `place`, `heading` and `before`.
 
     None if the last mirror of the chain is no arc, or one before it is curved, too.
     """
-    arc = fold.way[-1]
-    if not isinstance(arc, ArcMirror):
-        return None
-    back = fold_of(fold.way[:-1], 2)
-    if not isinstance(back, Isometry):
+    arc, unfold = fold.way[-1], _unfolded(fold)
+    if unfold is None or not isinstance(arc, ArcMirror) or not isinstance(view, ImageView):
         return None
     range_ = arc.crossing(view)
     column = np.flatnonzero(np.isfinite(range_))
@@ -167,7 +158,6 @@ def _bent(fold: ChainFold, view: ImageView) -> tuple[Array, Index, Array, Array,
     place = view.radar + range_[column, None] * sight
     normal = arc.outward(arc.along(place))
     heading = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
-    unfold = np.column_stack([back.inverse.linear, back.inverse.shift])
     return unfold, column, place, heading, range_[column]
 
 
@@ -176,15 +166,21 @@ def _round(fold: ChainFold) -> tuple[Array, Array, Array, float, Array] | None:
 
     None if the last mirror of the chain is neither, or one before it is curved, too.
     """
-    mirror = fold.way[-1]
-    back = fold_of(fold.way[:-1], 3)
-    if not isinstance(mirror, RoundMirror) or not isinstance(back, Isometry):
+    mirror, unfold = fold.way[-1], _unfolded(fold)
+    if unfold is None or not isinstance(mirror, RoundMirror):
         return None
-    unfold = np.column_stack([back.inverse.linear, back.inverse.shift])
     return unfold, mirror.shape.middle, mirror.shape.axis, mirror.shape.radius, mirror.radar
 
 
-def _boxed(fold: ChainFold, view: VolumeView, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
+def _unfolded(fold: ChainFold) -> Array | None:
+    """The map (d, d + 1) from true places to where the mirrors before the last one of a chain show them; None if one of
+    these is curved.
+    """
+    back = fold_of(fold.way[:-1], fold.way[-1].center.size)
+    return np.column_stack([back.inverse.linear, back.inverse.shift]) if isinstance(back, Isometry) else None
+
+
+def _boxed(fold: ChainFold, view: View, shown: Mask, grid: Grid) -> tuple[slice, slice, slice] | None:
     """Slices along x, y and z of the voxels that hold all samples that a chain folds, marked in `shown` (directions,
     ranges); None if there are no such samples.
     """
