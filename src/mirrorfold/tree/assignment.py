@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -47,6 +48,10 @@ class Found(NamedTuple):
     explained: Echoes
     explanation: Names
     transparent_walls: tuple[TransparentWall, ...] = ()
+
+
+Pass = Callable[..., Found]
+"""Does steps 2 to 4 with some ``echoes=``, and mirrors ``besides=`` those found: `mirrorfold.tree.rounds.find_tree`."""
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:

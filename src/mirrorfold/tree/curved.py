@@ -36,14 +36,7 @@ more behind pillars of 10 cm radius, and 0.25 at most behind round objects in li
 
 def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror], list[Mirror]]:
     """Steps 2 to 4 once more with curved mirrors: the result, the mirrors, and the rejected rows, see `with_rows`."""
-    return with_rows(
-        found,
-        view,
-        steps,
-        proposed=lambda known, view: candidates(known, view),
-        fewest=FEWEST_CELLS,
-        is_enough=shows_new,
-    )
+    return with_rows(found, view, steps, proposed=candidates, fewest=FEWEST_CELLS, is_enough=shows_new)
 
 
 def shows_new(seen: Evidence) -> bool:

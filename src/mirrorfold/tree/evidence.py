@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,7 +21,7 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, Mirror, View, fold_of
 from mirrorfold.detection.mirrors.curved import growth_over, overlap
 from mirrorfold.detection.mirrors.mirror import turns
-from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.assignment import Found, Pass
 
 KNOWN_CELLS = 1.5
 """An echo that folds to within this distance of a known place shows that place and is not new. The distance is in
@@ -45,18 +45,6 @@ MOST_EMPTY = 0.3
 
 EvidenceSelector = Callable[[View, Echoes, Mirror], Mask]
 """Which echoes are evidence for a row, (n,)."""
-
-
-class EchoFinder(Protocol):
-    """Finds the echoes of the image, with a threshold that is lowered behind mirrors by as much as these dim echoes."""
-
-    def __call__(self, *, through: Sequence[Mirror]) -> Echoes: ...  # noqa: D102
-
-
-class Pass(Protocol):
-    """Does steps 2 to 4 with echoes, and mirrors besides those found, see `mirrorfold.tree.rounds.find_tree`."""
-
-    def __call__(self, *, echoes: Echoes, besides: Sequence[Mirror]) -> Found: ...  # noqa: D102
 
 
 class NewEchoes(NamedTuple):
@@ -110,22 +98,29 @@ class Evidence:
         return self.empty <= MOST_EMPTY
 
 
-@dataclass(frozen=True)
-class Steps:
+class Steps(NamedTuple):
     """How rows are tried as mirrors.
 
     Attributes
     ----------
-    find_echoes, quick_pass, full_pass : callable
-        See `EchoFinder` and `Pass`. `quick_pass` skips the tests for copies and for echoes from elsewhere, and takes a
+    find_echoes : callable (through=mirrors)
+        Finds the echoes of the image, with a threshold that is lowered behind mirrors by as much as these dim echoes.
+    quick_pass, full_pass : callable (echoes=..., besides=mirrors)
+        Do steps 2 to 4, see `Pass`. `quick_pass` skips the tests for copies and for echoes from elsewhere, and takes a
         tenth of the time. Echoes that fail these tests can only add to what seems new behind an arc: if too little is
         new even with them, the arc is no mirror. That rejected 16 of 70 arcs of random scenes, none of them a mirror in
         the end.
     """
 
-    find_echoes: EchoFinder
+    find_echoes: Callable[..., Echoes]
     quick_pass: Pass
     full_pass: Pass
+
+
+def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
+    """Strong echoes farther behind a row than an object is deep, (n,)."""
+    crossing = row.crossing(view)[echoes.direction]
+    return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
 
 
 def with_rows(
@@ -135,7 +130,7 @@ def with_rows(
     *,
     proposed: Callable[[Found, View], Sequence[Mirror]],
     fewest: int,
-    selected: EvidenceSelector | None = None,
+    selected: EvidenceSelector = behind,
     is_enough: Callable[[Evidence], bool] = lambda seen: True,
     besides: Sequence[Mirror] = (),
 ) -> tuple[Found, list[Mirror], list[Mirror]]:
@@ -167,7 +162,7 @@ def with_rows(
     Found, list of Mirror, list of Mirror
         The result with the rows that are mirrors; these rows, with those of `besides`; and the rejected rows.
     """
-    proved, every_row, first, selected = list[Mirror](), list[Mirror](), found, selected or behind
+    proved, every_row, first = list[Mirror](), list[Mirror](), found
     for _ in range(2):
         known = [*besides, *proved]
         new = [row for row in proposed(found, view) if not any(overlap(row, other) for other in known)]
@@ -183,9 +178,7 @@ def with_rows(
                     break
                 tried = step(echoes=echoes, besides=every)
                 seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
-                convincing = [
-                    what.cells >= fewest and is_enough(what) and (what.possible or not whole) for what in seen
-                ]
+                convincing = (one.cells >= fewest and is_enough(one) and (one.possible or not whole) for one in seen)
                 kept = list(compress(trial, convincing))
             if len(kept) == len(trial):
                 break
@@ -195,12 +188,6 @@ def with_rows(
         proved, found = trial, tried
     in_vain = [row for row in every_row if not any(overlap(row, other) for other in proved)]
     return found, [*besides, *proved], in_vain
-
-
-def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
-    """Strong echoes farther behind a row than an object is deep, (n,)."""
-    crossing = row.crossing(view)[echoes.direction]
-    return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
 
 
 def filled_cells(view: View, echoes: Echoes) -> int:
@@ -248,8 +235,7 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
             continue
         fold = fold_of(way, view.dimensions)
         place = fold(seen.position)
-        range_, direction, inside = view.locate(place)
-        contradicted = inside & (range_ < sight.open[direction]) if sight.open.size else np.zeros(len(seen), bool)
+        contradicted = sight.seen_empty(place)
         across = growth_over([row], seen.position).max(axis=1) * view.cross_cell(seen.position)
         reach = KNOWN_CELLS * np.hypot(view.range_cell, across)
         new = (tree.query(place)[0] > reach) & ~contradicted
@@ -287,9 +273,8 @@ def agreeing(seen: Sequence[Evidence], view: View) -> list[Evidence]:
     """
     together = []
     for own in seen:
-        more = sum(
-            shows.cells_at(own.new_echoes, view) for other in seen if other is not own for shows in other.new_echoes
-        )
+        others = [shows for other in seen if other is not own for shows in other.new_echoes]
+        more = sum(shows.cells_at(own.new_echoes, view) for shows in others)
         together.append(replace(own, cells=own.cells + more, new=own.new + more))
     return together
 

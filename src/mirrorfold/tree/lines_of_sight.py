@@ -159,13 +159,17 @@ class LinesOfSight:
         A beam at the edge of a mirror reaches over it, and also shows what is beside the mirror: such echoes were not
         seen by way of the mirror. `fold` maps the echoes to their true places, if the mirror shows them.
         """
-        if not self.open.size:
-            return np.zeros(len(echoes), dtype=bool)
-        range_, direction, inside = self.view.locate(fold(echoes.position))
-        empty = inside & (range_ < self.open[direction])
         mirror = self.seen_through(echoes.range, echoes.direction)
         sides = self.view.beside(echoes.range, echoes.direction)
-        return empty & np.logical_or.reduce([self.seen_through(echoes.range, side) != mirror for side in sides])
+        at_edge = np.logical_or.reduce([self.seen_through(echoes.range, side) != mirror for side in sides])
+        return at_edge & self.seen_empty(fold(echoes.position))
+
+    def seen_empty(self, places: Array) -> Mask:
+        """Which true places (n, d) [m] the radar's direct view shows to be empty, (n,); none if `open` is unknown."""
+        if not self.open.size:
+            return np.zeros(len(places), dtype=bool)
+        range_, direction, inside = self.view.locate(places)
+        return inside & (range_ < self.open[direction])
 
     def open_ranges(self, echoes: Echoes) -> Array:
         """Range up to which the radar's direct view is empty in each direction, (n,) [m]; 0 where it does not look."""

@@ -9,6 +9,7 @@ object never is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -44,15 +45,8 @@ def find_short(
     besides : sequence of Mirror
         Mirrors of `found` that steps 2 to 4 do not find by themselves, such as curved ones.
     """
-    return with_rows(
-        found,
-        view,
-        steps,
-        proposed=lambda known, _: short_rows(known, view, SHORTEST_CELLS / MINIMUM_CELLS * minimum_length),
-        fewest=FEWEST,
-        selected=outshining,
-        besides=besides,
-    )
+    proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length)
+    return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)
 
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:

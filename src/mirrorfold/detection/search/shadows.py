@@ -7,9 +7,8 @@ too short to be a mirror may be one together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -31,10 +30,8 @@ SAMPLES = 64
 """Number of places in a gap at which the line is tested for being hidden."""
 
 
-class Clear(Protocol):
-    """A function that tells which echoes, at ranges [m], in directions and of amplitudes, no object in front hides."""
-
-    def __call__(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask: ...  # noqa: D102
+Clear = Callable[[Array, Index, Array | float], Mask]
+"""A function that tells which echoes, at ranges [m], in directions and of amplitudes, no object in front hides."""
 
 
 def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> LineMirror:

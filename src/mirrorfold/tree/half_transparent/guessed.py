@@ -18,14 +18,13 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, Fold, Mirror, View
-from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.explaining.behind_walls import last_leg, met_by, prolonged_where_hidden
 from mirrorfold.tree.grouping import object_numbers
 from mirrorfold.tree.half_transparent.transparent import (
     BY_GEOMETRY,
     FEWEST,
     UNDECIDED,
-    Pass,
     TransparentWall,
     taken_out,
 )
@@ -63,12 +62,9 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
         passed = passage(found, view, node, folds, by_chain)
         through = passed > UNDECIDED
         if through.any():
-            seen = node.objects.take(through)
-            place = seen.position
-            tested = node.objects.position
-            transparent_walls.append(
-                TransparentWall(node.line, None, seen, place, passed[through], tested, passed, BY_GEOMETRY)
-            )
+            seen, tested = node.objects.take(through), (node.objects.position, passed)
+            wall = TransparentWall(node.line, None, seen, seen.position, passed[through], *tested, BY_GEOMETRY)
+            transparent_walls.append(wall)
     return taken_out(found, transparent_walls, view, every, full_pass)
 
 

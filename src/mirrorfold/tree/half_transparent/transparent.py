@@ -11,18 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 import xarray as xr
 from scipy.special import expit
 
+from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.slabs import slab
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
-from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
 from mirrorfold.tree.half_transparent.wall_glints import Glints, measured_pane
 from mirrorfold.tree.lines_of_sight import Cover
@@ -93,12 +93,6 @@ class TransparentWall:
     decided: str
 
 
-class Pass(Protocol):
-    """Does steps 2 to 4 with some of the echoes, see `mirrorfold.tree.rounds.find_tree`."""
-
-    def __call__(self, *, echoes: Echoes) -> Found: ...  # noqa: D102
-
-
 def find_transparent(
     found: Found, view: View, images: Mapping[str, xr.DataArray], every: Echoes, *, full_pass: Pass
 ) -> Found:
@@ -134,9 +128,8 @@ def taken_out(
         return found
     gone = np.isin(_key(every), np.concatenate([_key(wall.echoes) for wall in transparent_walls]))
     result = full_pass(echoes=every.take(~gone)) if gone.any() else found
-    return result._replace(
-        transparent_walls=tuple(_first_objects(_with_new_mirror(wall, result), view) for wall in transparent_walls)
-    )
+    anew = [_with_new_mirror(wall, result) for wall in transparent_walls]
+    return result._replace(transparent_walls=tuple(_first_objects(wall, view) for wall in anew))
 
 
 def look_through(
@@ -153,7 +146,7 @@ def look_through(
     others = np.delete(found.sight.crossing, index, axis=0)[:, echoes.direction]
     behind &= ~(others < crossing).any(axis=0)
     echoes = echoes.take(behind)
-    brightest, cell = _cells(view, echoes)
+    brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
     if brightest.size < FEWEST:
         return None
     pairs = pairs_of(view, images, echoes.take(brightest), mirror)
@@ -181,9 +174,8 @@ def look_through(
         passed[behind_it], through = UNDECIDED, through | behind_it
     seen = echoes.take(through)
     place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
-    return TransparentWall(
-        mirror, pane if known else None, seen, place, passed[through], echoes.position, passed, BY_POLARIZATION
-    )
+    material, tested = pane if known else None, (echoes.position, passed)
+    return TransparentWall(mirror, material, seen, place, passed[through], *tested, BY_POLARIZATION)
 
 
 def agreed_odds(place: Array, odds: Array) -> Array:
@@ -193,11 +185,6 @@ def agreed_odds(place: Array, odds: Array) -> Array:
     """
     near = np.abs(place[:, None] - place).max(axis=-1) <= NEIGHBOURS
     return np.asarray(near @ odds)
-
-
-def _cells(view: View, echoes: Echoes) -> tuple[Index, Index]:
-    """The brightest echo of each resolution cell, (m,), and the cell of each echo, (n,)."""
-    return view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
 
 
 def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
@@ -222,9 +209,7 @@ def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pa
 
 def incidence(view: View, position: Array, mirror: Mirror) -> Array:
     """Angles [rad] at which lines of sight through places (n, d) [m] meet a mirror, (n,)."""
-    sight = position - view.radar
-    sight = sight / np.linalg.norm(sight, axis=1)[:, None]
-    return np.asarray(np.arccos(np.clip(np.abs(sight @ mirror.normal), 0.0, 1.0)))
+    return np.asarray(np.arccos(np.clip(np.abs(unit(position - view.radar) @ mirror.normal), 0.0, 1.0)))
 
 
 def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: Array) -> Array:
@@ -233,15 +218,10 @@ def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: 
     The wall lengthens the path by a length L that depends on the angle of incidence t. An array therefore focuses the
     echo at a place farther away by L, and shifted by ``dL/dt`` aside, away from the normal.
     """
-    angle = incidence(view, position, mirror)
-    away = position - view.radar
-    sight = away / np.linalg.norm(away, axis=1)[:, None]
-    inward = mirror.inward(view)
+    angle, sight, inward = incidence(view, position, mirror), unit(position - view.radar), mirror.inward(view)
     aside = sight - (sight @ inward)[:, None] * inward
     # Unit vectors across the line of sight, away from the normal: there the angle of incidence grows.
-    across = aside - np.sum(aside * sight, axis=1)[:, None] * sight
-    size = np.linalg.norm(across, axis=1)[:, None]
-    across = np.where(size > 0.0, across / np.maximum(size, np.finfo(float).tiny), 0.0)
+    across = unit_or_zero(aside - np.sum(aside * sight, axis=1)[:, None] * sight)
     late = lateness(pane, angle, wavenumber)
     slope = (lateness(pane, angle + ANGLE_STEP, wavenumber) - late) / ANGLE_STEP
     return np.asarray(position - late[:, None] * sight - slope[:, None] * across)
