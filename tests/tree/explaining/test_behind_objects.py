@@ -41,11 +41,11 @@ def node(places, chain=(), line=None, mirrors=(), amplitude=1.0):
     return MirrorTree(line, echoes_at(VIEW, np.empty((0, 2))), objects, tuple(mirrors), chain)
 
 
-def told(places, *, direct=OBJECT, shown=(), line=None, view=VIEW, brighter=1.0):
+def told(places, *, direct=OBJECT, shown=(), line=None, brighter=1.0):
     """Which objects at their true places, seen by way of the mirror, are behind others, direct ones and shown ones."""
     seen = in_mirror(np.concatenate([np.reshape(places, (-1, 2)), np.reshape(shown, (-1, 2))]))
     tree = node(direct, (), None, [node(seen, (0,), LineMirror(*MIRROR) if line is None else line, (), brighter)])
-    marks = behind_objects(SimpleNamespace(tree=tree), view)
+    marks = behind_objects(SimpleNamespace(tree=tree), VIEW)
     assert not marks[()].any()  # of what is in line of sight, others tell
     return marks[0,].tolist()[: len(np.reshape(places, (-1, 2)))]
 
@@ -93,10 +93,17 @@ def test_what_is_known_by_more_mirrors_ends_no_view_by_fewer():
     assert behind_objects(found, VIEW)[0,].tolist() == [False]
 
 
-def test_of_curved_mirrors_and_volumes_nothing_is_said():
+def test_of_curved_mirrors_nothing_is_said():
     arc = ArcMirror(middle=np.array([0.9, 1.1]), radius=0.3, first=2.0, span=2.0, radar=VIEW.radar)
     assert told([BEHIND_IT], line=arc) == [False]
-    assert told([BEHIND_IT], view=SimpleNamespace(dimensions=3)) == [False]
+
+
+def test_of_volumes_nothing_is_said():
+    tree = node(OBJECT, mirrors=[node(in_mirror([BEHIND_IT]), (0,), LineMirror(*MIRROR))])
+    found = SimpleNamespace(tree=tree, sight=SimpleNamespace(chain=()))
+    volume = SimpleNamespace(radar=VIEW.radar, cell=VIEW.cell, dimensions=2)
+    assert behind_objects(found, VIEW)[0,].tolist() == [True]
+    assert without_explained(found, volume) is found
 
 
 def test_it_is_left_out_with_the_reason_once_the_tree_is_found():

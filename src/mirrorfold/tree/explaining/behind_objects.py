@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import ImageView, View
+from mirrorfold.detection import ImageView
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import last_leg
 from mirrorfold.tree.grouping import connected
@@ -37,22 +37,21 @@ AT_ONCE = 1_000_000
 """Number of combinations, of a path and a pair of neighbouring echoes, that are tested at once; bounds the memory."""
 
 
-def behind_objects(found: Found, view: View) -> dict[Chain, Mask]:
+def behind_objects(found: Found, view: ImageView) -> dict[Chain, Mask]:
     """Which object echoes of each chain of mirrors would stand behind known objects, (n,) each.
 
     An object hides only echoes that are seen by way of as many mirrors or more, for places are less certain with each
     mirror; and only echoes no brighter than its own brightest echo, for a weaker object may be a side lobe itself. Not
-    tested are volumes, echoes by way of curved mirrors, and direct echoes, for which the lines of sight tell.
+    tested are echoes by way of curved mirrors, and direct echoes, for which the lines of sight tell.
 
     Parameters
     ----------
     found : Found
-    view : View
+    view : ImageView
     """
     by_chain, folds = found.tree.mirrors_by_chain(), found.tree.folds()
     behind = {node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()}
-    if not isinstance(view, ImageView):
-        return behind
+
     flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in by_chain[node.chain])]
     for generation in {node.generation for node in flat if node.chain and len(node.objects)}:
         before = [node for node in flat if node.generation <= generation]
@@ -114,9 +113,8 @@ def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: A
     ahead = path / length[:, None]
     aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     for places, neighbours, brightest in surfaces:
-        for some in np.array_split(
-            np.flatnonzero(amplitude <= brightest), 1 + len(stands) * len(neighbours) // AT_ONCE
-        ):
+        pieces = 1 + len(stands) * len(neighbours) // AT_ONCE
+        for some in np.array_split(np.flatnonzero(amplitude <= brightest), pieces):
             margin, edge = (share * cell[some, None] for share in (BEYOND_CELLS, EDGE_CELLS))
             along, beside = (axis[some] @ places.T - np.sum(axis[some] * leaves[some], axis=1)[:, None]
                              for axis in (ahead, aside))  # fmt: skip

@@ -45,14 +45,12 @@ def prolonged_where_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
     return by_chain
 
 
-def flat_objects(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
+def flat_objects(found: Found, view: ImageView) -> dict[Chain, tuple[Mirror, ...]]:
     """Straight rows of object echoes in line of sight, each in the form of a mirror, under a chain that no mirror has.
 
     A flat object that is too short for a mirror lets no wave pass, either. In a volume there are none.
     """
-    objects, view = found.tree.objects, found.sight.view
-    if not isinstance(view, ImageView):
-        return {}
+    objects = found.tree.objects
     shortest = SHORTEST_CELLS * float(view.cell(objects.range_up_to(NEAREST)))
     return {(-1 - i,): (row,) for i, row in enumerate(find_lines(objects, view, minimum_length=shortest))}
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirrorfold.common.types import Chain, Names
-from mirrorfold.detection import Mirror, View
+from mirrorfold.detection import ImageView, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
 from mirrorfold.tree.explaining.behind_walls import (
@@ -38,8 +38,11 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
     bent : sequence of Mirror
         Curved rows of echoes that were not proved to be mirrors.
     """
-    by_chain, longer = found.tree.mirrors_by_chain(), prolonged_where_hidden(found) | flat_objects(found)
-    turned_back = to_and_fro(found, view)
+    by_chain, longer = found.tree.mirrors_by_chain(), prolonged_where_hidden(found)
+    if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them
+        marks = {node.chain: behind_walls(node.objects, node.chain, longer, view) for node in found.tree.walk()}
+        return _without(found, {chain: np.where(hidden, BEHIND, "") for chain, hidden in marks.items()})
+    longer, turned_back = longer | flat_objects(found, view), to_and_fro(found, view)
     causes = (
         (LATE, lambda node: late_edges(node.objects, by_chain, view)),
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
@@ -52,8 +55,8 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
         for node in found.tree.walk()
     })  # fmt: skip
     # Only objects that are kept hide others.
-    hidden = behind_objects(found, view)
-    return _without(found, {chain: np.where(marks, BEHIND_AN_OBJECT, "") for chain, marks in hidden.items()})
+    marks = behind_objects(found, view)
+    return _without(found, {chain: np.where(hidden, BEHIND_AN_OBJECT, "") for chain, hidden in marks.items()})
 
 
 def _without(found: Found, reasons: Mapping[Chain, Names]) -> Found:

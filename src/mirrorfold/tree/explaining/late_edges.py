@@ -11,15 +11,15 @@ They fill no row, as late walls do; but the earlier echoes of their series must 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cache, partial
 from itertools import permutations
 
 import numpy as np
 from scipy.ndimage import maximum_filter
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal, signed_distance
-from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.detection.echoes import strongest_of
 from mirrorfold.tree.explaining.late_walls import APART_CELLS
 from mirrorfold.tree.explaining.true_walls import BEYOND, EXPECTED_CELLS, strongest_flat, true_ends
@@ -33,8 +33,8 @@ FADED_DB = 3.0
 """An echo may be this much stronger than an earlier one of its series: a series fades, but speckle varies."""
 
 
-def late_edges(echoes: Echoes, by_chain: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
-    """Which echoes are late echoes of the edges of known walls, (n,); none in a volume, or without an ambiguous range.
+def late_edges(echoes: Echoes, by_chain: Mapping[Chain, tuple[Mirror, ...]], view: ImageView) -> Mask:
+    """Which echoes are late echoes of the edges of known walls, (n,); none without an ambiguous range.
 
     The brightest echo of an object decides for all of its echoes. All earlier echoes of the series that lie within the
     image must be there, and at most `FADED_DB` weaker, once the amplification of echoes by their range is undone.
@@ -45,12 +45,12 @@ def late_edges(echoes: Echoes, by_chain: Mapping[Chain, tuple[Mirror, ...]], vie
         Object echoes by way of one chain of mirrors, or in line of sight.
     by_chain : mapping of chain to tuple of Mirror
         The mirrors of each chain, as `MirrorTree.mirrors_by_chain` returns them. Curved ones are not tested.
-    view : View
+    view : ImageView
     """
     found = np.zeros(len(echoes), dtype=bool)
-    if not isinstance(view, ImageView) or not np.isfinite(view.ambiguous) or not len(echoes):
+    if not np.isfinite(view.ambiguous) or not len(echoes):
         return found
-    walls, image = [true_ends(way) for way in strongest_flat(by_chain.values())], _Brightest(view)
+    walls, nearby = [true_ends(way) for way in strongest_flat(by_chain.values())], cache(partial(_brightest, view))
     # The image has amplified a late echo by its apparent range; here, by its true range, as the earlier echoes are.
     level = echoes.amplitude * ((echoes.range + view.ambiguous) / echoes.range) ** view.power
     level *= 10.0 ** (-FADED_DB / 20.0)
@@ -59,8 +59,10 @@ def late_edges(echoes: Echoes, by_chain: Mapping[Chain, tuple[Mirror, ...]], vie
         for place in _series(echoes, view, bending, facing):
             on_it = np.flatnonzero(np.abs(place - view.ambiguous - echoes.range) <= EXPECTED_CELLS * view.range_cell)
             if len(series) and on_it.size:
-                before = image.at(series[:, on_it], echoes.direction[on_it])
-                inside_image = np.isfinite(before)
+                row = (series[:, on_it] - view.range[0]) / view.dr
+                inside_image = (row >= 0.0) & (row <= view.range.size - 1)
+                row = np.where(inside_image, np.rint(np.nan_to_num(row)), 0.0).astype(np.intp)
+                before = nearby()[row, echoes.direction[on_it]]
                 found[on_it] |= inside_image.any(axis=0) & ((before >= level[on_it]) | ~inside_image).all(axis=0)
             series = np.concatenate([series, place[None]])
     if not found.any():
@@ -69,25 +71,11 @@ def late_edges(echoes: Echoes, by_chain: Mapping[Chain, tuple[Mirror, ...]], vie
     return np.asarray(found[strongest_of(number, echoes.amplitude)][number])
 
 
-class _Brightest:
-    """The largest amplitude of an image near its samples."""
-
-    def __init__(self, view: ImageView) -> None:
-        self.view = view
-
-    @cached_property
-    def level(self) -> Array:
-        """The largest amplitude within `NEAR_CELLS` of each sample, (nr, nu)."""
-        cells = self.view.range_cell / self.view.dr, self.view.u_cell / self.view.du
-        size = tuple(2 * round(near * cell) + 1 for near, cell in zip(NEAR_CELLS, cells, strict=True))
-        return np.asarray(maximum_filter(self.view.amplitude, size=size, mode="constant"))
-
-    def at(self, range_: Array, direction: Index) -> Array:
-        """The `level` at ranges (k, n) [m] in directions (n,); NaN beyond the image."""
-        row = (range_ - self.view.range[0]) / self.view.dr
-        inside = (row >= 0.0) & (row <= self.view.range.size - 1)
-        row = np.where(inside, np.rint(np.nan_to_num(row)), 0.0).astype(np.intp)
-        return np.where(inside, self.level[row, direction], np.nan)
+def _brightest(view: ImageView) -> Array:
+    """The largest amplitude of an image within `NEAR_CELLS` of each sample, (nr, nu)."""
+    cells = view.range_cell / view.dr, view.u_cell / view.du
+    size = tuple(2 * round(near * cell) + 1 for near, cell in zip(NEAR_CELLS, cells, strict=True))
+    return np.asarray(maximum_filter(view.amplitude, size=size, mode="constant"))
 
 
 def _series(echoes: Echoes, view: ImageView, bending: Array, facing: Array) -> Iterator[Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from mirrorfold.common.types import Mask
-from mirrorfold.detection import Echoes, ImageView, View
+from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 
 OUTSHONE = "may be a side lobe of a much brighter one"
@@ -22,9 +22,7 @@ OUTSHONE_DB = 40.0
 """An echo weaker by this than the brightest echo within a range cell of its range is no evidence of an object."""
 
 
-def outshone(objects: Echoes, view: View) -> Mask:
-    """Which objects may be side lobes of brighter echoes at their range, (n,); in a volume none."""
-    if not isinstance(view, ImageView):
-        return np.zeros(len(objects), dtype=bool)
+def outshone(objects: Echoes, view: ImageView) -> Mask:
+    """Which objects may be side lobes of brighter echoes at their range, (n,)."""
     brightest = maximum_filter1d(view.amplitude.max(axis=1, initial=0.0), 2 * SAMPLES_PER_CELL + 1)
     return np.asarray(objects.amplitude < brightest[view.row(objects.range)] * 10.0 ** (-OUTSHONE_DB / 20.0))

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
 from mirrorfold.tree.grouping import object_numbers
@@ -32,22 +32,20 @@ not make an echo brighter, but speckle may. The vertex of a corner, a true objec
 least 16 dB brighter than the edges before it."""
 
 
-def to_and_fro(found: Found, view: View) -> dict[Chain, Mask]:
+def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
     """Which object echoes of each chain of mirrors went to and fro between a known object and a known wall, (n,) each.
 
-    The known object may be seen by way of other mirrors than the echo. Volumes, and curved mirrors and walls, are not
-    tested.
+    The known object may be seen by way of other mirrors than the echo. Curved mirrors and walls are not tested.
 
     Parameters
     ----------
     found : Found
-    view : View
+    view : ImageView
     """
     sight, by_chain, folds = found.sight, found.tree.mirrors_by_chain(), found.tree.folds()
     objects = {node.chain: node.objects for node in found.tree.walk()}
     marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
-    if not isinstance(view, ImageView):
-        return marks
+
     stands = np.concatenate([folds[chain](echoes.position) for chain, echoes in objects.items()])
     level = np.concatenate([_brightest(echoes, view) for echoes in objects.values()])
     flat = {chain: way for chain, way in by_chain.items() if not any(mirror.curved for mirror in way)}
