@@ -16,7 +16,7 @@ import numpy as np
 from mirrorfold.common.geometry import turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.curved import dimming, fit_variances
+from mirrorfold.detection.mirrors.curved import dimming, fit_covariance
 from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
@@ -38,8 +38,6 @@ class ArcMirror(Mirror):
         Angle at which the arc begins, and how far it goes on counter-clockwise; less than a full turn.
     radar : (2,) array [m]
         Position of the radar.
-    curvature_error : float [1/m]
-        Standard error of the curvature.
     """
 
     middle: Array
@@ -47,18 +45,14 @@ class ArcMirror(Mirror):
     first: float
     span: float
     radar: Array
-    curvature_error: float = 0.0
+
+    curved = True
 
     def __post_init__(self) -> None:
         half = self.first + 0.5 * self.span
         outward = np.array([np.cos(half), np.sin(half)])
         object.__setattr__(self, "center", self.middle + self.radius * outward)
         object.__setattr__(self, "normal", outward)
-
-    @property
-    def curved(self) -> bool:
-        """True."""
-        return True
 
     @property
     def convex(self) -> bool:
@@ -116,6 +110,13 @@ class ArcMirror(Mirror):
     def part(self, first: float, last: float) -> ArcMirror:
         """The arc from one position [m] along it to another."""
         return replace(self, first=self.first + first / self.radius, span=(last - first) / self.radius)
+
+    def with_errors(self, variance: Array) -> ArcMirror:
+        """The arc with the standard errors that follow from variances, (3,): of its offset [m^2], its direction [rad^2]
+        and its curvature [1/m^2].
+        """
+        offset, angle, bend = np.sqrt(np.maximum(variance, 0.0)).tolist()
+        return replace(self, offset_error=offset, angle_error=float(np.degrees(angle)), curvature_error=bend)
 
     def beside(self, points: Array) -> Array:
         """Distance [m] of points (..., 2) from the circle, positive outside."""
@@ -239,14 +240,7 @@ class ArcMirror(Mirror):
         standard errors of the arc.
         """
         hit, normal = self.facing(places)
-        tangent, offset = turned(normal), places - hit
-        way = self.along(hit) - 0.5 * self.length
-        shift, angle = fit_variances(self.offset_error, self.angle_error, self.curvature_error, way)
-        turn = np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
-        return np.asarray(
-            shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
-            + angle[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
-        )
+        return fit_covariance(self, places - hit, normal, [turned(normal)], self.along(hit) - 0.5 * self.length)
 
 
 def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:

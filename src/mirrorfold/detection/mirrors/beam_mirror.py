@@ -86,11 +86,8 @@ class BeamMirror(Mirror):
         steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
         wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()
         across = view.extent_each(echoes.position, self.facing(echoes.position)[1])
-        return (
-            wide[echoes.direction],
-            self.beams[echoes.direction],
-            view.range_cell + STRAY_DEVIATIONS * DEVIATION * across,
-        )
+        reach = view.range_cell + STRAY_DEVIATIONS * DEVIATION * across
+        return wide[echoes.direction], self.beams[echoes.direction], reach
 
     def places(self, view: VolumeView) -> Array:  # type: ignore[override]
         """Where its beams meet it, (n, 3) [m]; not finite for a beam that misses its endless surface."""

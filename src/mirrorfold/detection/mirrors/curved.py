@@ -32,14 +32,31 @@ def growth_over(way: Sequence[Mirror], points: Array) -> Array:
     return np.ones((len(points), 1)) if mirror is None else mirror.growth(points)
 
 
-def fit_variances(offset: float, angle: float, curvature: float, way: Array) -> tuple[Array, Array]:
-    """Variances of the position [m^2] and of the direction [rad^2] of a fitted surface, (n,) each.
+def fit_covariance(mirror: Mirror, offset: Array, normal: Array, tangents: Sequence[Array], way: Array) -> Array:
+    """Covariance (n, d, d) [m^2] of places that are fixed to tangents of a mirror, from the standard errors of its fit.
 
-    They hold at distances `way` (n,) [m] along the surface from its middle, and follow from the standard errors of its
-    offset [m], angle [degree] and curvature [1/m], of which NaN counts as zero.
+    Errors of the offset [m], angle [degree] and curvature [1/m] of the mirror count, of which NaN counts as zero.
+
+    Parameters
+    ----------
+    mirror : Mirror
+    offset : (n, d) array [m]
+        From where each place's tangent touches the mirror to the place.
+    normal : (n, d) array
+        Unit normal of the mirror there.
+    tangents : sequence of (n, d) arrays
+        Unit vectors along the mirror there.
+    way : (n,) array [m]
+        Distance of there from the middle of the mirror, along the mirror.
     """
-    offset, angle, curvature = (float(np.nan_to_num(error)) for error in (offset, angle, curvature))
-    return offset**2 + (0.5 * way**2 * curvature) ** 2, np.radians(angle) ** 2 + (way * curvature) ** 2
+    errors = mirror.offset_error, mirror.angle_error, mirror.curvature_error
+    shift, angle, bend = (float(np.nan_to_num(error)) for error in errors)
+    shifted, turned = shift**2 + (0.5 * way**2 * bend) ** 2, np.radians(angle) ** 2 + (way * bend) ** 2
+    total = shifted[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
+    for tangent in tangents:
+        turn = np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
+        total = total + turned[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
+    return np.asarray(total)
 
 
 def dimming(way: Sequence[Mirror], points: Array) -> Array:

@@ -59,11 +59,6 @@ class LineMirror(Mirror):
             object.__setattr__(self, "normal", segment_normal(self.start, self.end))
 
     @property
-    def size(self) -> float:
-        """Length of the mirror [m]."""
-        return self.length
-
-    @property
     def tangents(self) -> Array:
         """`direction` as a row, (1, 2)."""
         return self.direction[None]

@@ -39,6 +39,8 @@ class Mirror(ABC):
         Share of its extent that its echoes fill.
     depth : float [m]
         Depth of the centroid of power of its echoes behind its face.
+    curvature_error : float [1/m]
+        Standard error of the curvature; zero if it is flat.
     """
 
     center: Array = field(init=False)
@@ -48,6 +50,10 @@ class Mirror(ABC):
     offset_error: float = 0.0
     fill: float = 1.0
     depth: float = 0.0
+    curvature_error: float = 0.0
+
+    curved = False
+    """Whether the mirror is curved, so that each line of sight meets a tangent of its own."""
 
     @property
     @abstractmethod
@@ -121,11 +127,6 @@ class Mirror(ABC):
         """Its place after a map, as columns of a file: values by name, here those of the ends, x0, y0, x1 ..."""
         return {f"{axis}{end}": place[i] for end, place in enumerate(fold(self.ends))
                 for i, axis in zip(range(place.size), "xyz", strict=False)}  # fmt: skip
-
-    @property
-    def curved(self) -> bool:
-        """Whether the mirror is curved, so that each line of sight meets a tangent of its own."""
-        return False
 
     @property
     def curvature(self) -> float:

@@ -16,7 +16,7 @@ from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
-from mirrorfold.detection.mirrors.curved import fit_variances
+from mirrorfold.detection.mirrors.curved import fit_covariance
 from mirrorfold.detection.mirrors.mirror import Fold
 from mirrorfold.detection.views.volume_view import VolumeView
 
@@ -33,8 +33,6 @@ class RoundMirror(BeamMirror):
         Position of the radar.
     beam : tuple of float [m], optional
         The beam of the scanner, as in `VolumeView`.
-    curvature_error : float [1/m]
-        Standard error of the curvature.
     outline, beams
         See `BeamMirror`.
     """
@@ -42,19 +40,16 @@ class RoundMirror(BeamMirror):
     shape: RoundSurface
     radar: Array
     beam: tuple[float, float, float] | None = None
-    curvature_error: float = 0.0
+
+    curved = True
 
     def __post_init__(self) -> None:
-        center = self.shape.nearest(self.outline.mean(axis=0)) if len(self.outline) else self.shape.middle
+        center, normal = self.shape.middle, np.array([0.0, -1.0, 0.0])
+        if len(self.outline):
+            center = self.shape.nearest(self.outline.mean(axis=0))
+            normal = self.shape.outward(center)
         object.__setattr__(self, "center", center)
-        object.__setattr__(
-            self, "normal", self.shape.outward(center) if len(self.outline) else np.array([0.0, -1.0, 0.0])
-        )
-
-    @property
-    def curved(self) -> bool:
-        """True."""
-        return True
+        object.__setattr__(self, "normal", normal)
 
     @property
     def curvature(self) -> float:
@@ -68,9 +63,8 @@ class RoundMirror(BeamMirror):
         """
         across = (self.outline - self.center) @ self.tangents[0]
         found = self.outline[[np.argmin(across), np.argmax(across)]]
-        return (
-            found + self.shape.along(self.center) * self.shape.axis - self.shape.along(found)[:, None] * self.shape.axis
-        )
+        along, axis = self.shape.along, self.shape.axis
+        return found + along(self.center) * axis - along(found)[:, None] * axis
 
     @property
     def corners(self) -> Array:
@@ -143,16 +137,9 @@ class RoundMirror(BeamMirror):
         from the standard errors of the surface.
         """
         hit, normal = self.facing(places)
-        offset, way = places - hit, np.linalg.norm(self.shape.across(hit - self.center), axis=1)
-        shift, angle = fit_variances(self.offset_error, self.angle_error, self.curvature_error, way)
-        total = shift[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
+        way = np.linalg.norm(self.shape.across(hit - self.center), axis=1)
         right = unit_or_zero(np.cross(normal, self.tangents[1]))
-        for tangent in (right, np.cross(normal, right)):
-            turn = (
-                np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
-            )
-            total = total + angle[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
-        return np.asarray(total)
+        return fit_covariance(self, places - hit, normal, [right, np.cross(normal, right)], way)
 
     def columns(self, fold: Fold) -> dict[str, Any]:
         """Columns as of any `BeamMirror`, and the axis of a cylinder; zero for a sphere."""

@@ -196,18 +196,17 @@ class _Arcs:
 
     def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
         """Two arcs, fitted together as the halves of one smooth curve; None if they are not, or become implausible."""
-        first, second = self._centroids(one), self._centroids(other)
-        halves = None if first is None or second is None else joined((one, other), (first, second), self.view)
+        measured = self._centroids(one), self._centroids(other)
+        halves = joined((one, other), measured, self.view) if all(len(points) for points, _ in measured) else None
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
         """The arc, fitted to the centroids of power with its ends kept; None if it becomes implausible."""
         ends = arc.ends
         for _ in range(ROUNDS):
-            measured = self._centroids(arc)
-            if measured is None:
+            points, weight = self._centroids(arc)
+            if not len(points):
                 return None
-            points, weight = measured
             middle, radius, trust = fitted_circle(points, weight, arc.middle, arc.radius)
             if not 0.0 < radius < LARGEST_CELLS * self.view.cell_at(arc.center):
                 return None
@@ -221,13 +220,8 @@ class _Arcs:
     def _arc(self, middle: Array, radius: float, points: Array) -> ArcMirror:
         """The part of a circle over which points (n, 2) lie, which are all on one side of it."""
         towards = np.mean((points - middle) / np.linalg.norm(points - middle, axis=1)[:, None], axis=0)
-        whole = ArcMirror(
-            middle=middle,
-            radius=radius,
-            first=float(np.arctan2(towards[1], towards[0])) - np.pi,
-            span=2.0 * np.pi,
-            radar=self.view.radar,
-        )
+        first = float(np.arctan2(towards[1], towards[0])) - np.pi
+        whole = ArcMirror(middle, radius, first, 2.0 * np.pi, self.view.radar)
         along = whole.along(points)
         return whole.part(float(along.min()), float(along.max()))
 
@@ -244,11 +238,10 @@ class _Arcs:
         near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
         a, b = (np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(2))
         middle, radius = circle_through(points[seeds], points[a], points[b])
-        valid = near[np.arange(seeds.size), a] & near[np.arange(seeds.size), b] & np.isfinite(radius)
+        each, apart = np.arange(seeds.size), np.linalg.norm(points[a] - points[b], axis=1)
+        valid = near[each, a] & near[each, b] & (apart > NEAR_CELLS * cell) & np.isfinite(radius)
         valid &= (radius > SMALLEST_CELLS * cell) & (radius < LARGEST_CELLS * cell)
-        chord = np.linalg.norm(points[a] - points[b], axis=1)
-        chord = np.maximum(chord, np.maximum(distance[np.arange(seeds.size), a], distance[np.arange(seeds.size), b]))
-        valid &= np.linalg.norm(points[a] - points[b], axis=1) > NEAR_CELLS * cell
+        chord = np.maximum(apart, np.maximum(distance[each, a], distance[each, b]))
         # An arc with the chord c bulges by ``c^2 / (8 R)``; one whose chord is longer than R by at least ``c / 8``.
         valid &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
         if not valid.any():
@@ -312,10 +305,9 @@ class _Arcs:
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
                 return None
-            measured = self._centroids(facing)
-            if measured is None:
+            points, weight = self._centroids(facing)
+            if not len(points):
                 return None
-            points, weight = measured
             middle, radius, trust = fitted_circle(points, weight, facing.middle, facing.radius)
             # If the circle becomes straight, or bulges to the other side, the row is no arc.
             largest = LARGEST_CELLS * self.view.cell_at(facing.center)
@@ -336,10 +328,11 @@ class _Arcs:
         arc = replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         return arc if arc.fill >= SMALLEST_FILL else None
 
-    def _centroids(self, arc: ArcMirror) -> tuple[Array, Array] | None:
-        """Centroids of power across an arc (n, 2), and their weights (n,); None where there are too few."""
+    def _centroids(self, arc: ArcMirror) -> tuple[Array, Array]:
+        """Centroids of power across an arc (n, 2), and their weights (n,); none of them where there are too few."""
         points, weight = power_centroids(arc, self.view, *LOBE)
-        return None if len(points) < 2 * FEWEST_BLOCKS else (points, weight)
+        enough = len(points) if len(points) >= 2 * FEWEST_BLOCKS else 0
+        return points[:enough], weight[:enough]
 
     def _part_on_row(self, circle: ArcMirror, ends: Array) -> ArcMirror:
         """The longest part of a circle, between about these `ends`, to which the centroids of power stay close.
@@ -350,10 +343,9 @@ class _Arcs:
         margin = EXTENDED_CELLS * self.view.cell_at(circle.center)
         wider = circle.part(first - margin, min(last + margin, first - margin + 0.95 * 2.0 * np.pi * circle.radius))
         wider = self._facing(wider) or wider
-        measured = self._centroids(wider)
-        if measured is None:
+        points, weight = self._centroids(wider)
+        if not len(points):
             return circle.part(first, last)
-        points, weight = measured
         along = wider.along(points)
         window = max(1, round(SMOOTH_CELLS * self.view.cell_at(circle.center) / max(np.median(np.diff(along)), 1e-9)))
         beside = uniform_filter1d(weight * wider.beside(points), window) / uniform_filter1d(weight, window)
@@ -381,7 +373,4 @@ class _Arcs:
         along, beside = arc.along(points) - 0.5 * arc.length, arc.beside(points)
         design = np.column_stack([np.ones_like(along), along, 0.5 * along**2])
         variance = np.diag(block_covariance(design, beside, trust, along[:, None], arc.independent(self.view)))
-        offset, angle, bend = np.sqrt(np.maximum(variance, 0.0))
-        return replace(
-            arc, offset_error=float(offset), angle_error=float(np.degrees(angle)), curvature_error=float(bend)
-        )
+        return arc.with_errors(variance)

@@ -83,10 +83,7 @@ def _half(curve: Array, which: int, arc: ArcMirror, end: Array, variance: Array,
         return np.array([here, (behind - before) / (2.0 * reach), curve[3 + which]])
 
     slopes = _slopes(in_middle, curve, scale)
-    offset, angle, curvature = np.sqrt(np.maximum(np.diag(slopes @ variance @ slopes.T), 0.0))
-    return replace(
-        half, offset_error=float(offset), angle_error=float(np.degrees(angle)), curvature_error=float(curvature)
-    )
+    return half.with_errors(np.diag(slopes @ variance @ slopes.T))
 
 
 def beside(curve: Array, points: Array) -> Array:

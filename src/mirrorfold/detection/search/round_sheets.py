@@ -159,9 +159,8 @@ class _SheetSearch:
         distance = cdist(points[seeds], points)
         near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
         other = np.argmax(near * self.random.random(near.shape), axis=1)
-        valid = near[np.arange(seeds.size), other] & (
-            np.sum(normal[seeds] * normal[other], axis=1) < np.cos(SMALLEST_TURN)
-        )
+        turned = np.sum(normal[seeds] * normal[other], axis=1) < np.cos(SMALLEST_TURN)
+        valid = turned & near[np.arange(seeds.size), other]
         best, most = None, 0.0
         limit = 0.5 * self.view.extent_each(points, normal)
         for a, b in zip(seeds[valid], other[valid], strict=True):
