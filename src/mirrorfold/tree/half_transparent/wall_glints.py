@@ -129,9 +129,7 @@ class Glints:
     def brightest(self, most: int) -> Glints:
         """The `most` echoes that rise highest above the noise."""
         which = np.sort(np.argsort(self.pairs.noise, kind="stable")[:most])
-        return replace(
-            self, pairs=self.pairs.take(which), te=self.te[which], tm=self.tm[which], place=self.place[which]
-        )
+        return Glints(self.pairs.take(which), self.te[which], self.tm[which], self.taper, self.place[which])
 
     @cached_property
     def weight(self) -> Array:
@@ -170,44 +168,28 @@ class Glints:
         ratio of its amplitudes in TE and TM, up to a sign, (kinds, w, n) each.
         """
         law, turn = self._trials(powers)
-        power = power_of(waves) @ law
-        sent = (self._tapered * np.conj(waves)) @ turn
+        power, spectra = power_of(waves) @ law, np.stack([self.te, self.tm])
+        # The spectra, times the taper once more, against the waves of glints.
+        sent = (spectra[:, None, None] * self.taper * np.conj(waves)) @ turn
         sent = sent.reshape(*power.shape, DELAYS.size)
         explained = np.sum(power_of(sent) / power[..., None], axis=0)
         best = explained.reshape(*explained.shape[:-2], -1).argmax(axis=-1)
         level_te, level_tm = _entries(sent.reshape(2, *best.shape, -1), best) / _entries(power, best // DELAYS.size)
         difference = np.log(level_te / level_tm)
         phase = difference.imag - np.pi * np.round(difference.imag / np.pi)
-        misfit = 1.0 - _peak(explained) / self._total
+        misfit = 1.0 - _peak(explained) / np.sum(power_of(self.te) + power_of(self.tm), axis=-1)
         return np.clip(misfit, 0.0, 1.0), difference.real**2 + phase**2
-
-    @cached_property
-    def _tapered(self) -> Spectra:
-        """Spectra of echoes in TE and TM, times the taper once more, (2, 1, 1, n, m)."""
-        return np.stack([self.te, self.tm])[:, None, None] * self.taper
-
-    @cached_property
-    def _total(self) -> Array:
-        """Power of both spectra of each echo, (n,)."""
-        return np.asarray(np.sum(power_of(self.te) + power_of(self.tm), axis=-1))
 
     def _trials(self, powers: tuple[float, ...]) -> tuple[Array, Spectra]:
         """Powers of frequency, squared and tapered, (m, powers); and waves with these amplitudes at all delays,
         (m, powers * delays).
         """
-        if powers not in self._tried:
-            k = self.pairs.wavenumber
-            middle = k.mean()
-            law = ((k / middle) ** np.array(powers)[:, None]).T
-            waves = np.exp(2j * np.outer(k - middle, DELAYS * self.pairs.cell))
-            turn = (law[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
-            self._tried[powers] = (self.taper[:, None] * law) ** 2, turn
-        return self._tried[powers]
-
-    @cached_property
-    def _tried(self) -> dict[tuple[float, ...], tuple[Array, Spectra]]:
-        """Earlier results of `_trials`, by the powers."""
-        return {}
+        k = self.pairs.wavenumber
+        middle = k.mean()
+        law = ((k / middle) ** np.array(powers)[:, None]).T
+        waves = np.exp(2j * np.outer(k - middle, DELAYS * self.pairs.cell))
+        turn = (law[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
+        return (self.taper[:, None] * law) ** 2, turn
 
     def mixed(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, summed over echoes, (w,); and
