@@ -120,41 +120,31 @@ def _objects(points: Points) -> xr.Dataset:
     data: dict[str, Any] = {
         axis + suffix: ("point", place, {"units": "m", "long_name": text})
         for suffix, places, text in (("", points.position, "folded position"),
-                                     ("_initial", points.initial, "position before folding"))
+                                     ("_initial", points.initial, "position before folding"),
+                                     ("_error", points.error.astype(np.float32), "standard error"))
         for axis, place in zip(axes, places.T, strict=True)
     }  # fmt: skip
-    surface = np.where(points.mirror == "", "object", "mirror")
-    confidence = f"probability that something stands within {TRUE_CELLS} resolution cells"
-    data |= {
-        f"{axis}_error": ("point", error.astype(np.float32), {"units": "m", "long_name": "standard error"})
-        for axis, error in zip(axes, points.error.T, strict=True)
-    }
-    data |= {
-        "amplitude": ("point", points.amplitude.astype(np.float32)),
-        "bounces": ("point", points.bounces, {"long_name": "mirrors on the way, 0 = line of sight"}),
-        "chain": ("point", points.chain, {"long_name": "indices of the mirrors from the root"}),
-        "surface": ("point", surface, {"long_name": "object, or face of a mirror"}),
-        "confidence": ("point", points.confidence.astype(np.float32), {"long_name": confidence}),
-        "confocal": ("point", points.confocal.astype(np.float32), {"long_name": "share that came back as it went"}),
-        "explanation": ("point", points.explanation, {"long_name": "why no object stands where the echo is seen"}),
-        "interpolated": ("point", points.interpolated, {"long_name": "no echo, but a gap between two of them"}),
+    texts = {
+        "amplitude": "",
+        "bounces": "mirrors on the way, 0 = line of sight",
+        "chain": "indices of the mirrors from the root",
+        "surface": "object, or face of a mirror",
+        "confidence": f"probability that something stands within {TRUE_CELLS} resolution cells",
+        "confocal": "share that came back as it went",
+        "explanation": "why no object stands where the echo is seen",
+        "interpolated": "no echo, but a gap between two of them",
     }
     if (points.growth != 1.0).any():
-        data |= {
-            "growth": (
-                "point",
-                points.growth.astype(np.float32),
-                {"long_name": "of the cell across, by curved mirrors"},
-            ),
-            "caustic": ("point", points.caustic, {"long_name": "near or beyond a caustic of a concave mirror"}),
-        }
+        texts["growth"] = "of the cell across, by curved mirrors"
+        texts["caustic"] = "near or beyond a caustic of a concave mirror"
     if np.isfinite(points.passed).any():
-        passed = "probability that it passed through the wall instead of being reflected"
-        data |= {
-            "passed": ("point", points.passed.astype(np.float32), {"long_name": passed}),
-            "wall": ("point", points.wall, {"long_name": "chain of the wall that it passed through"}),
-            "decided": ("point", points.decided, {"long_name": "by what: polarization, or geometry, which is a guess"}),
-        }
+        texts["passed"] = "probability that it passed through the wall instead of being reflected"
+        texts["wall"] = "chain of the wall that it passed through"
+        texts["decided"] = "by what: polarization, or geometry, which is a guess"
+    held = {**vars(points), "surface": np.where(points.mirror == "", "object", "mirror")}
+    for name, text in texts.items():
+        values = held[name].astype(np.float32) if held[name].dtype == np.float64 else held[name]
+        data[name] = ("point", values, {"long_name": text} if text else {})
     # As coordinates, the places of the points replace the axes x and y that the table would inherit from the pictures.
     return xr.Dataset(data).set_coords(list(axes))
 
@@ -202,7 +192,7 @@ def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[Trans
         }
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         if any_curved:
-            own |= {"curvature": mirror.curvature, "curvature_error": getattr(mirror, "curvature_error", 0.0)}
+            own |= {"curvature": mirror.curvature, "curvature_error": mirror.curvature_error}
         if any_overhang:
             own |= dict(zip(OVERHANG_COLUMNS, _overhang(mirror), strict=True))
         if any(wall.pane is not None for wall in transparent_walls):
