@@ -26,29 +26,25 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = 
     (points,) array [m] or None
         None where the reconstruction does not say how it was measured.
     """
-    known = {name: attrs.get(f"image_{name}") for name in (
-        "range_resolution", "frequency_start", "frequency_stop", "tx_aperture", "rx_aperture", "spot_radius",
-        "focus_distance",
-    )}  # fmt: skip
     axes = [axis for axis in "xyz" if f"{axis}_initial" in objects.variables]
-    if not axes or any(known[name] is None for name in ("range_resolution", "frequency_start", "frequency_stop")):
+
+    def known(name: str) -> float | None:
+        value = attrs.get(f"image_{name}")
+        return None if value is None else float(value)
+
+    depth, low, high = map(known, ("range_resolution", "frequency_start", "frequency_stop"))
+    if not axes or depth is None or low is None or high is None:
         return None
     way = np.linalg.norm([objects[f"{a}_initial"].values - float(attrs.get(f"radar_{a}", 0.0)) for a in axes], axis=0)
-    wavelength = float(attrs.get("image_wave_speed", speed_of_light)) / (
-        0.5 * (float(known["frequency_start"]) + float(known["frequency_stop"]))  # type: ignore[arg-type]
-    )
-    aperture = max(float(known["tx_aperture"] or 0.0), float(known["rx_aperture"] or 0.0))
+    wavelength = float(attrs.get("image_wave_speed", speed_of_light)) / (0.5 * (low + high))
+    aperture = max(known("tx_aperture") or 0.0, known("rx_aperture") or 0.0)
+    spot, focus = known("spot_radius"), known("focus_distance")
     if aperture > 0.0:
         across = way * wavelength / aperture
-    elif known["spot_radius"] is not None and known["focus_distance"] is not None:
-        across = HALF_POWER * beam_radius(
-            way,
-            spot_radius=float(known["spot_radius"]),
-            focus_distance=float(known["focus_distance"]),
-            wavelength=wavelength,
-        )
+    elif spot is not None and focus is not None:
+        across = HALF_POWER * beam_radius(way, spot_radius=spot, focus_distance=focus, wavelength=wavelength)
     else:
         return None
     if grown and "growth" in objects.variables:
         across = across * objects["growth"].values
-    return np.asarray(np.hypot(float(known["range_resolution"]), across))  # type: ignore[arg-type]
+    return np.asarray(np.hypot(depth, across))

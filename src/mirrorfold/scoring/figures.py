@@ -62,9 +62,8 @@ def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]
     """Points thinned as by `thin`, and the number of points that each of them stands for, (m,)."""
     if not len(points):
         return points, np.zeros(0, dtype=np.int64)
-    _, which, counts = np.unique(
-        np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True
-    )
+    cells = np.floor(points / cell).astype(np.int64)
+    _, which, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     which = which.ravel()
     return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1), counts
 

@@ -116,24 +116,22 @@ def _curved_error(place: Array, curves: Sequence[tuple[str, Array]], generation:
     """
     if len(place) != 3:
         return None
-    best: tuple[float, str, Array] | None = None
-    for name, points in curves:
-        nearest = _nearest(place, points)
-        away = float(np.linalg.norm(place[1] - nearest[1]))
-        if away <= MIRROR_OFFSET and (best is None or away < best[0]):
-            best = away, name, nearest
-    if best is None:
+    every = [_nearest(place, points) for _, points in curves]
+    away = [float(np.linalg.norm(place[1] - nearest[1])) for nearest in every]
+    best = int(np.argmin(away))
+    if away[best] > MIRROR_OFFSET:
         return None
-    (middle, true_middle), (radius, true_radius) = circle_through(*np.stack([place, best[2]], axis=1))
-    angle = _angle_deg((place[1] - middle) / radius, (best[2][1] - true_middle) / true_radius)
+    there = every[best]
+    (middle, true_middle), (radius, true_radius) = circle_through(*np.stack([place, there], axis=1))
+    angle = _angle_deg((place[1] - middle) / radius, (there[1] - true_middle) / true_radius)
     if not np.isfinite(true_radius) or angle > MIRROR_ANGLE_DEG:
         return None
     # If the arc is bent the other way, its error is the sum of both curvatures.
-    ratio = true_radius / radius * (1.0 if (place[1] - middle) @ (best[2][1] - true_middle) > 0.0 else -1.0)
+    ratio = true_radius / radius * (1.0 if (place[1] - middle) @ (there[1] - true_middle) > 0.0 else -1.0)
     return MirrorError(
-        surface=best[1],
+        surface=curves[best][0],
         angle_error_deg=angle,
-        offset_error_mm=1e3 * best[0],
+        offset_error_mm=1e3 * away[best],
         generation=generation,
         length_m=float(np.linalg.norm(np.diff(arc_through(*place), axis=0), axis=1).sum()),
         curvature_error=abs(ratio - 1.0),

@@ -7,7 +7,7 @@ Only those pieces of the truth count that the radar could have seen, directly or
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, TypeVar, overload
 
 import numpy as np
 import xarray as xr
@@ -171,21 +171,13 @@ def score(
     if (wrong := unplaced(points)) is not None:
         raise InputError(f"reconstruction: holds a point that {wrong}; fold again")
     cells = point_cells(objects, reconstruction.attrs), point_cells(objects, reconstruction.attrs, grown=False)
-    found_sides = side_shares(objects, scene)
-    side_facts: dict[str, Any] = {}
-    if found_sides.doubtful is not None:
-        side_facts = {
-            "sides_right": found_sides.right,
-            "sides_doubtful": found_sides.doubtful,
-            "passed_m": found_sides.distance,
-        }
+    sides = side_shares(objects, scene)
     if isinstance(scene, Scene):
         mirrors = mirror_errors(reconstruction, floor_plans.faces(scene), floor_plans.curves(scene), panes(scene))
-        every, hidden, each = _judge(
-            points, cells, floor_plans.truth(scene, bounces=bounces), PlanFigures, "reachable_m"
-        )
+        truth = floor_plans.truth(scene, bounces=bounces)
+        every, hidden, each = _judge(points, cells, truth, PlanFigures, "reachable_m")
         behind = HiddenPlan(mirrors=_deep(mirrors), **hidden, surfaces=list(each))
-        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **side_facts)
+        return PlanScore(mirrors=mirrors, **every, hidden=behind, surfaces=each, **sides)
     from mirrorfold.scoring import volumes
 
     mirrors = mirror_errors(reconstruction, volumes.faces(scene), panes=panes(scene))
@@ -198,7 +190,7 @@ def score(
         hidden=HiddenVolume(mirrors=_deep(mirrors), **unseen, surfaces=list(parts)),
         surfaces=parts,
         patches={name: Contrast(contrast_db=contrast) for name, contrast in contrasts.items()},
-        **side_facts,
+        **sides,
     )
 
 

@@ -6,14 +6,13 @@ the wall, seen through it. The truth is known where the echo lies near one of bo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal
-from mirrorfold.common.records import Number
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import permittivity
@@ -31,24 +30,6 @@ SPACING = 0.002
 
 NEEDED = {"x_initial", "y_initial", "surface", "chain"}
 """Columns of points that are needed; reconstructions by other methods may lack them."""
-
-
-class SideShares(NamedTuple):
-    """How often a reconstruction tells reflected from passed echoes behind half-transparent walls.
-
-    Attributes
-    ----------
-    right : float or None
-        Share of the echoes, without doubtful ones, that are rightly taken for reflected or for passed.
-    doubtful : float or None
-        Share of the echoes that are doubtful: their probability to have passed lies between 0.1 and 0.9.
-    distance : float or None
-        Median distance [m] from the nearest object, of echoes that passed and were taken for passed.
-    """
-
-    right: Number = None
-    doubtful: Number = None
-    distance: Number = None
 
 
 class EchoesBehind(NamedTuple):
@@ -175,16 +156,18 @@ def doubted(passed: Array) -> Mask:
     return np.asarray((passed > 0.1) & (passed < 0.9))
 
 
-def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> SideShares:
-    """How often a reconstruction tells passed from reflected echoes; all None if it tested none."""
+def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> dict[str, Any]:
+    """How often a reconstruction tells passed from reflected echoes, as the facts of `SidesRight`; none if it tested
+    none.
+    """
     found = behind(objects, scene)
     if found is None or not (asked := np.isfinite(found.passed)).any():
-        return SideShares()
+        return {}
     passed, truth, taken, after = found.passed[asked], found.truth[asked], found.taken[asked], found.after[asked]
     through = truth & taken
     doubtful = doubted(passed)
-    return SideShares(
-        right=None if doubtful.all() else float(np.mean((passed > 0.5)[~doubtful] == truth[~doubtful])),
-        doubtful=float(doubtful.mean()),
-        distance=float(np.median(after[through])) if through.any() else None,
-    )
+    return {
+        "sides_right": None if doubtful.all() else float(np.mean((passed > 0.5)[~doubtful] == truth[~doubtful])),
+        "sides_doubtful": float(doubtful.mean()),
+        "passed_m": float(np.median(after[through])) if through.any() else None,
+    }

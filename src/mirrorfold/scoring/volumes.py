@@ -76,14 +76,17 @@ def visible_truth(
     azimuth, elevation = scene.scanner.angles
     sides = (np.linspace(axis[0], axis[-1], FAN) for axis in (azimuth, elevation))
     fan = beam_direction(*np.meshgrid(*sides, indexing="ij"))
+
+    def scanned(places: Array) -> Mask:
+        az, el = beam_angles(places - origin)
+        return (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
+
     for chain in find_chains(scene, traced, origin, fan.reshape(-1, 3), bounces=bounces, frequency=frequency):
         to_image = unfolding(traced.quads, chain)
         sight = to_image.inverse(origin) - place
         distance = np.linalg.norm(sight, axis=1)
-        az, el = beam_angles(to_image(place) - origin)
-        inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
         facing = np.einsum("nd,nd->n", sight, normals) >= SMALLEST_COSINE * distance
-        which = np.flatnonzero(inside & facing & (distance <= limit) & ~reachable)
+        which = np.flatnonzero(scanned(to_image(place)) & facing & (distance <= limit) & ~reachable)
         which = which[trace_back(scene, traced, origin, chain, place[which], frequency=frequency)[0]]
         reachable[which] = True
         direct[which] |= not chain
@@ -92,9 +95,7 @@ def visible_truth(
             scene, traced, face, place, normals, frequency=frequency, smallest_cosine=SMALLEST_COSINE
         )
         range_ = np.linalg.norm(places - origin, axis=1) + np.linalg.norm(place - places, axis=1)
-        az, el = beam_angles(places - origin)
-        inside = (az >= azimuth[0]) & (az <= azimuth[-1]) & (el >= elevation[0]) & (el <= elevation[-1])
-        reachable |= seen & inside & (range_ <= limit)
+        reachable |= seen & scanned(places) & (range_ <= limit)
     return direct, reachable
 
 
