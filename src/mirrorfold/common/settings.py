@@ -39,8 +39,9 @@ class Rule:
     unit : str
         Such as "m" or "dB"; empty for pure numbers and names.
     kind : str
-        How a docstring names its type. "float", "int" and "bool" are checked here; any other, such as "1D array", is
-        checked where the step uses the value, because only there its size is known.
+        How a docstring names its type; by default that of the field if it is float, int or bool. These three are
+        checked here; any other, such as "1D array", is checked where the step uses the value, because only there its
+        size is known.
     choices : tuple of str
         The names that it may have; empty for numbers.
     lowest, highest, above, below : float, optional
@@ -113,6 +114,12 @@ def setting(default: Any, meaning: str, **rule: Any) -> Any:
     return field(default=default, metadata={"rule": Rule(meaning, **rule)})
 
 
+def _kind_of(annotation: Any) -> str:
+    """The kind of a setting by the type of its field, of which None may be an alternative."""
+    name = str(getattr(annotation, "__name__", annotation)).split()[0]
+    return name if name in OPTION_TYPES else ""
+
+
 REQUIRED = MISSING
 """Takes the place of a default for a setting that must be given."""
 
@@ -131,7 +138,7 @@ class Settings:
     >>> from dataclasses import dataclass
     >>> @dataclass(frozen=True)
     ... class Smoothing(Settings):
-    ...     width: float = setting(0.5, "Width of the window.", unit="m", kind="float", above=0.0)
+    ...     width: float = setting(0.5, "Width of the window.", unit="m", above=0.0)
     >>> @takes(Smoothing)
     ... def smooth(image, **given):
     ...     return Smoothing().with_given(**given)
@@ -153,7 +160,8 @@ class Settings:
     @classmethod
     def rules(cls) -> dict[str, Rule]:
         """The rule of every setting, by name."""
-        return {item.name: item.metadata["rule"] for item in fields(cls) if "rule" in item.metadata}
+        found = {item: item.metadata["rule"] for item in fields(cls) if "rule" in item.metadata}
+        return {item.name: replace(rule, kind=rule.kind or _kind_of(item.type)) for item, rule in found.items()}
 
     @classmethod
     def is_optional(cls, name: str) -> bool:
@@ -194,9 +202,10 @@ def takes(
         text. Settings that are not given, or are None, are not passed on to the function.
     """
     declared: dict[str, Field[Any]] = {}
+    rules: dict[str, Rule] = {}
     for kind in settings:
         declared |= {item.name: item for item in fields(kind) if item.name in kind.rules()}
-    rules: dict[str, Rule] = {name: item.metadata["rule"] for name, item in declared.items()}
+        rules |= kind.rules()
     rules = {name: rule for name, rule in rules.items() if name not in without and (rule.option or not options)}
 
     def decorate(target: Function) -> Function:

@@ -51,7 +51,7 @@ class Instrument(Quantities):
         20.0, "Noise figure of the receiver, conversion loss included.", unit="dB", **LEVEL
     )
     if_bandwidth: float = setting(
-        1e4, "Bandwidth of the receiver's filter: one sample takes its inverse.", unit="Hz", kind="float", lowest=1e-6,
+        1e4, "Bandwidth of the receiver's filter: one sample takes its inverse.", unit="Hz", lowest=1e-6,
         highest=1e13,
     )  # fmt: skip
     settling: float = setting(5e-5, "Time from one sample to the next, on top of that.", **PAUSE)
@@ -67,7 +67,7 @@ class PlanSettings(Quantities):
     """What a plan is made for: the band, two line arrays, the room and its walls."""
 
     band: tuple[float, float] = setting(REQUIRED, "Lowest and highest frequency.", kind="(start, stop)", unit="Hz")
-    points: int = setting(REQUIRED, "Number of frequencies, both ends of the band included.", kind="int")
+    points: int = setting(REQUIRED, "Number of frequencies, both ends of the band included.")
     aperture: float = setting(REQUIRED, "Length of the transmitting array.", **LENGTH)
     pitch: float = setting(REQUIRED, "Distance of neighbouring transmitting antennas.", **LENGTH)
     range: float = setting(REQUIRED, "Distance to the farthest object in line of sight.", **LENGTH)
@@ -86,7 +86,7 @@ class PlanSettings(Quantities):
         unit="m",
     )
     target: float = setting(
-        1e-3, "Radar cross section to be seen in one resolution cell.", kind="float", unit="m^2", lowest=1e-20,
+        1e-3, "Radar cross section to be seen in one resolution cell.", unit="m^2", lowest=1e-20,
         highest=1e20,
     )  # fmt: skip
     leg: float | None = setting(None, "Length that each bounce adds to the range; half the range by default.", **WAY)

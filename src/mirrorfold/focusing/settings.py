@@ -46,7 +46,6 @@ class FocusSettings(Settings):
     tolerance: float = setting(
         1e-4,
         "Largest relative L2 error of the image. The volume of a raster scan is exact to rounding.",
-        kind="float",
         lowest=FINEST_TOLERANCE,
         below=1.0,
     )
@@ -67,7 +66,6 @@ class FocusSettings(Settings):
         None,
         "Speed of the waves. Default: the attr `wave_speed` of the sweep; without it, of light in vacuum.",
         unit="m/s",
-        kind="float",
         above=0.0,
     )
     normalization: str = setting(
@@ -83,6 +81,5 @@ class FocusSettings(Settings):
         "the voxels of a raster scan in tiles, to the same bits. What does not fit either is refused. Default: what is "
         "free.",
         unit="B",
-        kind="float",
         above=0.0,
     )

@@ -25,7 +25,6 @@ class FoldSettings(Settings):
         None,
         "Level that echoes must exceed, relative to a robust reference echo; with the published preset to the "
         "brightest pixel. By default -18 for images, -26 for volumes.",
-        kind="float",
         unit="dB",
         lowest=-MOST_DB,
         highest=MOST_DB,
@@ -35,7 +34,6 @@ class FoldSettings(Settings):
         "Shortest mirror; in a volume its least width and height. By default 7.75 resolution cells of the nearest "
         "echoes in images, five where what stands behind outshines the mirror, 7.5 of the middle ones in volumes. A "
         "mirror that faces an array of 4.4 cells or more may be nine tenths of it.",
-        kind="float",
         unit="m",
         above=0.0,
     )
@@ -43,7 +41,6 @@ class FoldSettings(Settings):
         None,
         "How far behind a mirror echoes still belong to the wall. By default as deep as waves go into a wall, 40 "
         "wavelengths, or 1.25 resolution cells if that is less.",
-        kind="float",
         unit="m",
         lowest=0.0,
     )
@@ -51,7 +48,6 @@ class FoldSettings(Settings):
         None,
         "Largest number of mirrors in a chain, any number by default. Deeper ones count as objects, and hide what they "
         "show; with 0 the scene stays unfolded.",
-        kind="int",
         lowest=0,
         highest=1000,
     )
@@ -59,13 +55,11 @@ class FoldSettings(Settings):
         True,
         "Whether objects hide what is behind them. Where mirrors are given, only what is seen behind the same mirrors; "
         "all that is not folded stays where the image shows it.",
-        kind="bool",
         label="objects are opaque",
     )
     min_confidence: float = setting(
         0.5,
         "Least confidence of points that are drawn, scored and exported; the others stay in the file.",
-        kind="float",
         lowest=0.0,
         highest=1.0,
     )
@@ -73,41 +67,35 @@ class FoldSettings(Settings):
         True,
         "Whether, where the sweep is at hand, echoes are left out that follow stronger ones as most strong ones are "
         "followed at that delay: copies that the tail of the pulse makes, or a layer in the wall of a mirror.",
-        kind="bool",
         label="copies are left out",
     )
     rough_walls: bool = setting(
         True,
         "Whether, in images, echoes behind a mirror are left out that stand where its rough wall scatters towards "
         "another wall, or a bright object, and back; or to a bright object that sends it back by mirrors.",
-        kind="bool",
         label="twice scattered echoes are left out",
     )
     close_gaps: bool = setting(
         True,
         "Whether, in images, surfaces go on between neighbouring echoes up to three resolution cells apart where the "
         "image is not dark.",
-        kind="bool",
         label="gaps in surfaces are closed",
     )
     curved: bool = setting(
         True,
         "Whether arcs, in volumes cylinders and spheres, are mirrors where the image shows behind them what an opaque "
         "object cannot.",
-        kind="bool",
         label="curved mirrors",
     )
     transparent: bool = setting(
         True,
         "Whether echoes behind a wall may have passed through it: told by two polarizations, guessed from geometry "
         "with one.",
-        kind="bool",
         label="half-transparent walls",
     )
     published: bool = setting(
         False,
         "Whether every pixel above the threshold counts, and every row of them that is long enough is a mirror.",
-        kind="bool",
         option=False,
     )
 
