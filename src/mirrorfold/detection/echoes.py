@@ -110,10 +110,9 @@ class Echoes:
 
     def joined(self, *others: Echoes) -> Echoes:
         """These echoes, followed by others of the same view."""
-        every: dict[str, Any] = {
-            name: np.concatenate([getattr(one, name) for one in (self, *others)]) for name in _OF_EACH
-        }
-        return replace(self, **every)
+        every = self, *others
+        both: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in every]) for name in _OF_EACH}
+        return replace(self, **both)
 
 
 _OF_EACH = "position", "range", "direction", "amplitude", "length", "strong", "visible", "noise", "limit"

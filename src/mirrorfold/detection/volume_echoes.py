@@ -56,9 +56,8 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
     amplitude = values[:, 1] * gain
     reference = reference_echo(brightest_of(beam, amplitude))
     threshold = reference * 10.0 ** (threshold_db / 20.0)
-    return Echoes.found(
-        view.points(range_, beam), range_, beam, amplitude, np.ones(beam.size), view.floor * gain, threshold, reference
-    )
+    places, length = view.points(range_, beam), np.ones(beam.size)
+    return Echoes.found(places, range_, beam, amplitude, length, view.floor * gain, threshold, reference)
 
 
 def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:

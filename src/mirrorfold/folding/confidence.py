@@ -17,6 +17,7 @@ from scipy.special import expit
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
+from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import View
 from mirrorfold.detection.mirrors.curved import dimming
@@ -184,9 +185,7 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
     error: the error of its offset shifts the points, the error of its angle turns them about its center.
     """
     folds, dimensions = tree.folds(), points.position.shape[1]
-    sight = points.initial - view.radar
-    range_ = np.linalg.norm(sight, axis=1)
-    sight /= np.maximum(range_, np.finfo(float).tiny)[:, None]
+    sight, range_ = unit_or_zero(points.initial - view.radar), np.linalg.norm(points.initial - view.radar, axis=1)
     along = np.einsum("ni,nj->nij", sight, sight)
     across = np.eye(dimensions) - along
     variance = (OWN_ERROR * view.range_cell) ** 2 * along

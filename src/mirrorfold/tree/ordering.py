@@ -132,23 +132,18 @@ def _ordered(
         pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
     mirrors = list(chain(*pieces))
     # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
-    face, edge = (
-        faces(some, view, echoes, settings.wall_margin or 0.0, unseen=UNSEEN, root=ROOT) for some in (mirrors, remains)
-    )
+    margin = settings.wall_margin or 0.0
+    face, edge = (faces(some, view, echoes, margin, unseen=UNSEEN, root=ROOT) for some in (mirrors, remains))
     face[(face == ROOT) & (edge != ROOT)] = UNSEEN
     crossing = np.array([mirror.crossing(view) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
-    cover = Cover.nothing(len(view.sight))
-    if settings.opaque:
-        hides = echoes.visible & echoes.strong & (face == ROOT)
-        nearest = crossing.min(axis=0, initial=np.inf)
-        if walls is not None:
-            hides &= ~walls & (nearest[echoes.direction] < echoes.range)
+    hides = echoes.visible & echoes.strong & (face == ROOT) & settings.opaque
+    if walls is None:
         objects = echoes.take(hides)
-        if walls is None and not settings.published:
-            objects = without_shadow(objects, mirrors, crossing, view)
-        cover = Cover.of(objects, view)
-        if walls is not None:
-            cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
+        cover = Cover.of(objects if settings.published else without_shadow(objects, mirrors, crossing, view), view)
+    else:
+        nearest = crossing.min(axis=0, initial=np.inf)
+        cover = Cover.of(echoes.take(hides & ~walls & (nearest[echoes.direction] < echoes.range)), view)
+        cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
     shown = crossing.copy()
     for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))

@@ -198,9 +198,8 @@ def agreed(
         mirrors = find(view, rows, minimum_length=length, tested=tested, known=known)
         mirrors = overhangs.on(mirrors, view)
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
-        if (
-            known is None and settings.opaque and (own := order.images_of_radar()).any()
-        ):  # the radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene
+        # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene.
+        if known is None and settings.opaque and (own := order.images_of_radar()).any():
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):

@@ -135,9 +135,8 @@ def _in_half_shadow(
     new = np.array([i for i, place in enumerate(where) if place not in known], dtype=np.intp)
     if new.size:
         looks = [side[half[new]] <= 0.0 for side in (tx, rx)]
-        into, past = (
-            amplitude_at(sweep, view, range_[new], u[new], *sides) for sides in (looks, [~side for side in looks])
-        )
+        groups = looks, [~side for side in looks]
+        into, past = (amplitude_at(sweep, view, range_[new], u[new], *sides) for sides in groups)
         tiny = np.finfo(float).tiny
         known |= {where[i]: level for i, level in zip(new, 20.0 * np.log10((into + tiny) / (past + tiny)), strict=True)}
     excess = np.array([known[place] for place in where])
