@@ -14,7 +14,7 @@ import numpy as np
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, fold_of
-from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
+from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
@@ -139,7 +139,7 @@ def _of_objects(
     """
     view = order.sight.view
     # The path over the wall is shortest where it reflects the object. By all other places the object appears farther.
-    image = _image(order, number, objects)
+    image = in_image(order.mirrors_to(number), objects)
     nearest, apart = np.linalg.norm(image - view.radar, axis=1), APART_CELLS * view.range_cell
     distance = np.linalg.norm(rough.places[:, None] - objects, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.depth_behind(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
@@ -152,13 +152,6 @@ def _of_objects(
     usual = rough.median_amplitude(distance[:, some], far)
     most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * usual
     return np.asarray((found[:, some] & (echoes.amplitude[:, None] <= most)).any(axis=1))
-
-
-def _image(order: Order, mirror: int, places: Array) -> Array:
-    """Where true places (n, 2) [m] appear in the image by way of a flat mirror, (n, 2) [m]."""
-    for step in order.mirrors_to(mirror):
-        places = step.reflection.inverse(places)
-    return places
 
 
 def _objects(order: Order, echoes: Echoes) -> tuple[Array, Array]:

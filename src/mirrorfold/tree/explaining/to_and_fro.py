@@ -16,7 +16,7 @@ import numpy as np
 from mirrorfold.common.types import Array, Chain, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, square_distances, true_ends
+from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.grouping import object_numbers
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
@@ -71,9 +71,7 @@ def _behind(
     The place appears in the image by way of the mirrors `way`, the last of which has the number `index`, in a direction
     whose beam also holds the echo.
     """
-    view, seen = sight.view, stands
-    for mirror in way:
-        seen = mirror.reflection.inverse(seen)
+    view, seen = sight.view, in_image(way, stands)
     range_, direction, inside = view.locate(seen)
     shown = np.flatnonzero(inside)
     shown = shown[sight.seen_through(range_[shown], direction[shown]) == index]

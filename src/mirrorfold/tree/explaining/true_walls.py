@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -33,6 +33,13 @@ def true_ends(chain: MirrorChain) -> Array:
     """True places of the ends of the last mirror of a chain, (2, d) [m]."""
     *before, wall = chain
     return fold_of(before, wall.ends.shape[1])(wall.ends)
+
+
+def in_image(way: Sequence[Mirror], places: Array) -> Array:
+    """Where true places (n, 2) [m] appear in the image by way of flat mirrors, (n, 2) [m]."""
+    for mirror in way:
+        places = mirror.reflection.inverse(places)
+    return places
 
 
 def square_distances(places: Array, wall: Array) -> tuple[Array, Array]:
