@@ -159,11 +159,6 @@ def _pane(mirror: Mirror, transparent_walls: Sequence[TransparentWall]) -> dict[
     return dict(zip(names, found, strict=True))
 
 
-def _overhang(mirror: Mirror) -> tuple[float, float]:
-    """How far beyond its start and its end [m] lines of sight meet a mirror; zero where that was not measured."""
-    return getattr(mirror, "overhang", (0.0, 0.0))
-
-
 def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[TransparentWall] = ()) -> xr.Dataset:
     """The table of mirrors: each one in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
@@ -172,7 +167,7 @@ def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[Trans
              **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
-    any_overhang = any(any(_overhang(mirror)) for _, mirror in nodes)
+    any_overhang = any(any(mirror.overhang) for _, mirror in nodes)
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
@@ -194,7 +189,7 @@ def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[Trans
         if any_curved:
             own |= {"curvature": mirror.curvature, "curvature_error": mirror.curvature_error}
         if any_overhang:
-            own |= dict(zip(OVERHANG_COLUMNS, _overhang(mirror), strict=True))
+            own |= dict(zip(OVERHANG_COLUMNS, mirror.overhang, strict=True))
         if any(wall.pane is not None for wall in transparent_walls):
             own |= _pane(mirror, transparent_walls)
         return own_place(mirror, folds[()]) | true | place | own

@@ -167,8 +167,7 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
     doubted, points = points.take(points.confidence < least), points.take(points.confidence >= least)
     view = sight.view
     owner = np.full((len(view.sight), view.range.size), ROOT, dtype=np.int16)
-    step = float(view.range[1] - view.range[0])
-    reach = int(np.ceil(BLOB_CELLS * view.range_cell / step))
+    reach = int(np.ceil(BLOB_CELLS * view.range_cell / view.dr))
 
     def seen_by(chain: Chain) -> Array:
         return points.initial[(points.wall == "") & (points.chain == chain_name(chain))]
@@ -177,12 +176,10 @@ def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDAr
     shown = {UNSEEN: doubted.initial, ROOT: seen_by(())} if len(doubted.initial) else {}
     shown |= {mirror: seen_by(chain) for mirror, chain in enumerate(sight.chain) if chain}
     for number, seen in shown.items():
-        if not len(seen):
-            continue
         for some in in_pieces(len(seen)):
             range_ = view.locate(seen[some])[0]
             point, direction = view.within(seen[some], BLOB_CELLS * view.cell(range_) / range_)
-            sample = np.rint((range_ - view.range[0]) / step).astype(np.intp)[point]
+            sample = np.rint((range_ - view.range[0]) / view.dr).astype(np.intp)[point]
             for offset in range(-reach, reach + 1):
                 owner[direction, np.clip(sample + offset, 0, view.range.size - 1)] = number
     return owner

@@ -38,14 +38,10 @@ class LineMirror(Mirror):
     length : float [m]
     direction : (2,) array
         Unit vector from start to end.
-    overhang : tuple of two floats [m]
-        How far lines of sight are taken to meet the mirror beyond its start and its end; negative where they miss its
-        last part. See `mirrorfold.tree.explaining.half_shadows`.
     """
 
     start: Array
     end: Array
-    overhang: tuple[float, float] = (0.0, 0.0)
     length: float = field(init=False)
     direction: Array = field(init=False)
 

@@ -41,6 +41,9 @@ class Mirror(ABC):
         Depth of the centroid of power of its echoes behind its face.
     curvature_error : float [1/m]
         Standard error of the curvature; zero if it is flat.
+    overhang : tuple of two floats [m]
+        How far lines of sight are taken to meet a line beyond its start and its end; negative where they miss its last
+        part, zero where that was not measured. See `mirrorfold.tree.explaining.half_shadows`.
     """
 
     center: Array = field(init=False)
@@ -51,6 +54,7 @@ class Mirror(ABC):
     fill: float = 1.0
     depth: float = 0.0
     curvature_error: float = 0.0
+    overhang: tuple[float, float] = (0.0, 0.0)
 
     curved = False
     """Whether the mirror is curved, so that each line of sight meets a tangent of its own."""
