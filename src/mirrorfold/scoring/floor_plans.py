@@ -36,11 +36,9 @@ def faces(scene: Scene) -> list[Face]:
         thickness = getattr(surface, "thickness", None)
         for start, end in facets(surface, CHORD):
             middle, normal, half = 0.5 * (start + end), segment_normal(start, end), 0.5 * (end - start)[None]
-            if thickness is None:
-                found.append(Face(surface.name, middle, normal, half))
-                continue
-            for outward in (normal, -normal):
-                found.append(Face(surface.name, middle + 0.5 * thickness * outward, outward, half, one_sided=True))
+            for outward in (normal,) if thickness is None else (normal, -normal):
+                face = middle + 0.5 * (thickness or 0.0) * outward
+                found.append(Face(surface.name, face, outward, half, one_sided=thickness is not None))
     return found
 
 

@@ -28,7 +28,9 @@ def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], hei
     """
     x, y = axes
     if not (np.iscomplexobj(image.values) and np.isfinite(view.wavelength)):
-        return np.abs(interpolated(view, _magnitude(image.values), axes, order=1))
+        # Whole numbers become floating-point ones, so that interpolation does not round.
+        held = image.values.astype(np.float32) if image.dtype.kind in "iu" else image.values
+        return np.abs(interpolated(view, np.abs(held), axes, order=1))
     # The carrier is removed a few rows at a time: the phases of all pixels would take more memory than the image.
     values = np.empty(image.shape, dtype=image.dtype)
 
@@ -41,15 +43,8 @@ def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], hei
     for_each(demodulate, in_pieces(y.size, ROWS))
     parts = []
     for part in (values.real, values.imag):
-        splines = _splines(part)
-        parts.append(interpolated(view, splines, axes, order=3, output=np.float32, prefilter=False))
-        del splines
+        parts.append(interpolated(view, _splines(part), axes, order=3, output=np.float32, prefilter=False))
     return np.hypot(*parts)
-
-
-def _magnitude(values: NDArray[Any]) -> NDArray[Any]:
-    """Absolute values; of integers as floating-point numbers, so that interpolation does not round."""
-    return np.abs(values.astype(np.float32) if values.dtype.kind in "iu" else values)
 
 
 def _splines(values: NDArray[Any]) -> Array:

@@ -256,14 +256,11 @@ def find_pane(pairs: Pairs) -> Pane:
 
 def _trials(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
     """Permittivities and thicknesses [m] of walls to try, (w,) each."""
-    middle = float(pairs.wavenumber.mean())
-    found: list[tuple[Array, Array]] = []
-    for real in np.geomspace(*PERMITTIVITY, 18):
-        optical = np.arange(THINNEST * pairs.cell, THICKEST * pairs.cell, STEP / (2.0 * middle))
-        for loss in LOSSES:
-            found.append((np.full(optical.size, real * (1.0 - 1j * loss)), optical / np.sqrt(real)))
-    eps, thickness = (np.concatenate(column) for column in zip(*found, strict=True))
-    return eps, thickness
+    real = np.geomspace(*PERMITTIVITY, 18)[:, None, None]
+    optical = np.arange(THINNEST * pairs.cell, THICKEST * pairs.cell, STEP / (2.0 * float(pairs.wavenumber.mean())))
+    eps = real * (1.0 - 1j * np.array(LOSSES)[:, None])
+    every = np.broadcast_arrays(eps, optical / np.sqrt(real))
+    return every[0].ravel(), every[1].ravel()
 
 
 PEAKS = 12
