@@ -60,8 +60,6 @@ def thin(points: Array, cell: float = CELL) -> Array:
 
 def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]]:
     """Points thinned as by `thin`, and the number of points that each of them stands for, (m,)."""
-    if not len(points):
-        return points, np.zeros(0, dtype=np.int64)
     cells = np.floor(points / cell).astype(np.int64)
     _, which, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     which = which.ravel()
@@ -87,8 +85,7 @@ def figures(
         Diagonal of the resolution cell of each point. In the figures in cells, a sample of the truth is covered if the
         point nearest to it is within `WITHIN_CELLS` of that point's own cell.
     """
-    nothing = np.full(len(reachable), np.inf), np.zeros(len(reachable), dtype=np.int64)
-    to_points, nearest = cKDTree(points).query(reachable) if len(points) else nothing
+    to_points, nearest = cKDTree(points).query(reachable)  # infinite without points
     one_way, other_way = _mean(distance), _mean(to_points)
     in_cells: tuple[float | None, float | None] = None, None
     if cell is not None:

@@ -216,8 +216,8 @@ def _judge(
         The field of `kind` for the length or area of the truth that can be seen.
     """
     every, count = counted(points)
-    nearest_point = cKDTree(points).query(every)[1] if len(points) else np.zeros(0, dtype=np.intp)
-    cell, unwidened = (None if one is None else one[nearest_point] if len(points) else np.zeros(0) for one in cells)
+    nearest_point = cKDTree(points).query(every)[1]
+    cell, unwidened = (None if one is None else one[nearest_point] for one in cells)
     distance, nearest = truth.distances(every)
     margin = WIDE if unwidened is None else np.maximum(WIDE, WITHIN_CELLS * unwidened)
     claims_hidden = truth.distances(every, truth.direct)[0] > margin

@@ -182,8 +182,6 @@ class View(ABC):
 
     def cell_numbers(self, points: Array) -> Index:
         """Number of the resolution cell of each of points (n, d), (n,); only cells with points count, from zero."""
-        if not len(points):
-            return np.zeros(0, dtype=np.intp)
         return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
 
     def brightest(self, points: Array, amplitude: Array) -> Index:

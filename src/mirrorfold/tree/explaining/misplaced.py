@@ -81,8 +81,6 @@ def _once_a_cell(
     measure: Measure, position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known
 ) -> Array:
     """The result of `measure` for echoes, (n,), measured once in each resolution cell, at its brightest echo."""
-    if not len(position):
-        return np.zeros(0)
     range_, u = view.to_polar(position)
     cells = view.in_cells(position).T.astype(np.intp)
     cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()

@@ -110,7 +110,5 @@ def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) 
 def _shown(view: View, places: Array, seen: Sequence[Array]) -> Mask:
     """Which places (n, d) [m] agree with one of the places in `seen`, arrays of (m, d) [m]: (n,)."""
     elsewhere = np.concatenate([np.empty((0, view.dimensions)), *seen])
-    if not len(elsewhere):
-        return np.zeros(len(places), dtype=bool)
     cell = np.asarray(view.cell(np.linalg.norm(places - view.radar, axis=1)))
     return np.asarray(cKDTree(elsewhere).query(places)[0] < SAME_PLACE * cell)

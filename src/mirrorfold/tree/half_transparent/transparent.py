@@ -259,7 +259,5 @@ def _with_new_mirror(wall: TransparentWall, found: Found) -> TransparentWall:
 def _first_objects(wall: TransparentWall, view: View) -> TransparentWall:
     """The wall with only the first object along each line of sight through the wall."""
     echoes = wall.echoes
-    if not len(echoes):
-        return wall
     clear: Mask = Cover.of(echoes, view).clear(echoes.range, echoes.direction, echoes.amplitude)
     return replace(wall, echoes=echoes.take(clear), place=wall.place[clear], probability=wall.probability[clear])
