@@ -30,7 +30,7 @@ def complete(seen, mirrors, shortest):
     view, echoes = seen
     settings = FoldSettings(minimum_length=shortest, wall_margin=0.0)
     order = order_mirrors(mirrors, view, echoes, settings)
-    return completed(mirrors, order, view, echoes, settings)
+    return completed(mirrors, order, view, echoes, settings.minimum_length)
 
 
 def test_a_mirror_goes_on_behind_an_object(seen):

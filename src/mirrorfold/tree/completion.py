@@ -7,7 +7,6 @@ prolonged to where its row of echoes goes on behind a shadow, and two short rows
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
 from mirrorfold.detection.finding import Finder, find_mirrors
@@ -18,23 +17,23 @@ from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
-if TYPE_CHECKING:
-    from mirrorfold.folding.settings import FoldSettings
-
 
 def completed(
     mirrors: Sequence[Mirror],
     order: Order,
     view: ImageView,
     echoes: Echoes,
-    settings: FoldSettings,
+    shortest: float,
     find: Finder = find_mirrors,
 ) -> list[Mirror]:
-    """The mirrors, prolonged across shadows of objects, and further ones: joined short rows, and walls seen edge-on."""
+    """The mirrors, prolonged across shadows of objects, and further ones: joined short rows, and walls seen edge-on.
+
+    `shortest` [m] is the least length of a mirror.
+    """
     clear = order.sight.cover.clear
     loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
     longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
-    shortest = settings.minimum_length or 0.0
+
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
     found = find(view, sighted, minimum_length=0.5 * shortest)
     halves = [row for row in found if isinstance(row, LineMirror)]

@@ -63,13 +63,9 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
     lines = {index: by_chain[chain][-1] for index, chain in enumerate(sight.chain) if chain}
-    own = sight.seen_through(echoes.range, echoes.direction)
-    if lines:
-        numbers = np.array(list(lines))
-        face = faces(list(lines.values()), view, echoes, 0.0, unseen=UNSEEN, root=ROOT)
-        on_it = face >= 0
-        own = own.copy()
-        own[on_it] = sight.parent[numbers[face[on_it]]]
+    own, numbers = sight.seen_through(echoes.range, echoes.direction), np.array(list(lines), dtype=np.intp)
+    face = faces(list(lines.values()), view, echoes, 0.0, unseen=UNSEEN, root=ROOT)
+    own[face >= 0] = sight.parent[numbers[face[face >= 0]]]
     curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in by_chain[chain])]
     own[np.isin(own, curved)] = UNSEEN
     return find_curved_rows(view, echoes, own)

@@ -220,15 +220,13 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
     """The evidence for a row that was tried as a mirror in `found`; `known` (n, d) [m] are places known before."""
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
-    own = [
-        (index, by_chain[chain])
-        for index, chain in enumerate(sight.chain)
-        if chain and _part_of(by_chain[chain][-1], row)
-    ]
     cells, empty, confirmed, unconfirmed, shows = 0, 0, 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
     through = sight.seen_through(echoes.range, echoes.direction)
-    for index, way in own:
+    for index, chain in enumerate(sight.chain):
+        way = by_chain[chain]
+        if not way or not _part_of(way[-1], row):
+            continue
         seen = echoes.take(echoes.visible & (through == index))
         seen = seen.take(selected(view, seen, row))
         if not len(seen):

@@ -203,7 +203,7 @@ def agreed(
             mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            more = overhangs.on(completed(mirrors, order, view, echoes, settings, find), view)
+            more = overhangs.on(completed(mirrors, order, view, echoes, length or 0.0, find), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
                 order = order_mirrors([*more, *besides], view, echoes, settings, walls)
         # The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
