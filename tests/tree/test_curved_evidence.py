@@ -32,7 +32,7 @@ from mirrorfold.tree.evidence import (
 )
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import order_mirrors
-from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.rounds import find_tree, ordered_again
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
 
@@ -236,9 +236,9 @@ class Tried:
         self.through.append(list(through))
         return echoes_at(self.view, self.places)
 
-    def quick_pass(self, *, echoes, besides):
-        self.glanced.append(list(besides))
-        return found_with(self.view, list(besides), echoes.position)
+    def quick_pass(self, *, echoes, mirrors):
+        self.glanced.append(list(mirrors))
+        return found_with(self.view, list(mirrors), echoes.position)
 
     def full_pass(self, *, echoes, besides):
         self.tried.append(list(besides))
@@ -319,7 +319,8 @@ def test_a_pillar_in_an_image_is_a_mirror_if_it_shows_what_is_hidden(monkeypatch
         (arc,) = candidates(flat, view)
         assert abs(arc.radius - 0.3) < 0.02
         again = partial(find_tree, view, settings=settings)
-        found = find_curved(flat, view, Steps(partial(find_echoes, view), again, again))[0]
+        quick_pass = partial(ordered_again, view, settings=settings)
+        found = find_curved(flat, view, Steps(partial(find_echoes, view), quick_pass, again))[0]
         assert [node.line.curved for node in found.tree.walk() if node.line is not None] == [True] * bent
         # It is proposed once more, and no row of what it shows is.
         assert all(overlap(one, arc) for one in candidates(found, view))

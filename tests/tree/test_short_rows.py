@@ -16,7 +16,7 @@ from mirrorfold.detection.search.lines import MINIMUM_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import kinds
 from mirrorfold.tree.evidence import Steps
-from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.rounds import find_tree, ordered_again
 from mirrorfold.tree.short_rows import SHORTEST_CELLS, find_short, short_rows
 
 CELL = 0.0318
@@ -45,7 +45,8 @@ def steps_2_to_4(*parts):
     echoes = find_echoes(view)
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     again = partial(find_tree, view, settings=settings)
-    steps = Steps(partial(find_echoes, view), again, again)
+    quick_pass = partial(ordered_again, view, settings=settings)
+    steps = Steps(partial(find_echoes, view), quick_pass, again)
     first = find_tree(view, echoes, settings)
     found, *_ = find_short(first, view, steps, minimum_length=settings.minimum_length)
     return first, found, view, settings, steps

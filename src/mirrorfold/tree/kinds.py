@@ -8,7 +8,6 @@ steps 2 to 4 are repeated with them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,7 @@ from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.half_transparent.guessed import guess_transparent
 from mirrorfold.tree.half_transparent.transparent import find_transparent
 from mirrorfold.tree.measured import Measured
-from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.rounds import find_tree, ordered_again
 from mirrorfold.tree.short_rows import find_short
 
 if TYPE_CHECKING:
@@ -70,7 +69,7 @@ def find_every_kind(
     if not found.transparent_walls:
         steps = Steps(
             find_echoes=partial(find_echoes, view, threshold_db=settings.threshold_db),
-            quick_pass=partial(find_tree, view, settings=replace(settings, copies=False), find=find),
+            quick_pass=partial(ordered_again, view, settings=settings),
             full_pass=full_pass,
         )
         if settings.curved:

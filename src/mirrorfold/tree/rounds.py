@@ -214,3 +214,16 @@ def agreed(
             break
         echoes = seen
     return order, seen
+
+
+def ordered_again(view: View, echoes: Echoes, mirrors: Sequence[Mirror], settings: FoldSettings) -> Found:
+    """Steps 3 and 4 with known mirrors, until the visible echoes no longer change; no echo is tested."""
+    for _ in range(MAXIMUM_ROUNDS):
+        order = order_mirrors(mirrors, view, echoes, settings)
+        if kept := without_bent(order):
+            order = order_mirrors(kept, view, echoes, settings)
+        seen = order.seen(echoes) if settings.opaque else echoes
+        if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
+            break
+        echoes = seen
+    return Found(seen, *assign_echoes(order, seen, opaque=settings.opaque), *_Reasons(seen).explained())
