@@ -59,7 +59,7 @@ def found_with(view, mirrors, places, amplitude=1.0, opened=0.0):
 @pytest.mark.parametrize(
     ("cells", "new", "empty", "tells", "enough"),
     [
-        (3, 2, 0.3, True, True), (3, 1, 0.0, False, False), (3, 2, 0.31, True, False),
+        (3, 3, 0.3, True, True), (8, 2, 0.0, False, False), (3, 3, 0.31, True, False),
         (13, 3, 0.0, True, True), (16, 3, 0.0, False, False), (16, 4, 0.0, True, True),
     ],
 )  # fmt: skip
