@@ -9,7 +9,7 @@ taken, where each mistake must improve the fit by a penalty. Random draws of the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
 from mirrorfold.common.types import Array
+from mirrorfold.diagnosis.midpoints import MidpointCoherence, midpoint_coherence
 from mirrorfold.diagnosis.wavefronts import Wavefronts
+from mirrorfold.sweep.pairs import Pairs
 
 PENALTY = 0.03
 """By how much each mistake, a range offset included, must improve the mean fit over that of the sweep without it.
@@ -40,8 +42,8 @@ LEAST_OFFSETS = (2.0, 4.0)
 as cables cause; and of negative ones, where too much delay was removed, which is rarer."""
 
 LEAST_GAIN = 0.01
-"""By how much an offset must improve the mean fit to be reported. In correct full-wave sweeps of arrays of 5 mm and
-more, echoes by mixed paths feigned offsets that improved the fit by up to 0.007."""
+"""By how much an offset must improve the mean fit to be reported. Profiles that are interpolated to a few percent, and
+echoes by mixed paths, improve the fit of correct sweeps by up to 0.007."""
 
 OFFSET_STEPS = 300
 """Steps of the search for a range offset, counted over the whole ambiguous range."""
@@ -96,40 +98,31 @@ class Explanation:
     exchange_recognisable: bool
 
 
-def explain(waves: Wavefronts) -> Explanation:
-    """The combination of mistakes that explains best how the waves arrive, where each mistake costs a penalty."""
+def explain(pairs: Pairs, waves: Wavefronts) -> Explanation:
+    """The combination of mistakes that explains best how the waves of `pairs` arrive.
+
+    Each mistake costs a penalty. The range offset is then measured by pairs with the same midpoint; see `midpoints`.
+    """
     tried = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
-    smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     offsets = np.concatenate([[0.0], tried])
     cases = list(_cases(waves.coherence.shape[0] == 2))
-    fits = np.stack([_fit(waves, *case, offsets) for case in cases])  # (cases, gates, offsets)
+    fits = np.stack(
+        [_fit(waves, waves.coherence[int(case[2]), int(case[1])], waves.curvature, case, offsets) for case in cases]
+    )  # (cases, gates, offsets)
     number = np.array([sum(case) for case in cases])
     draws = np.random.default_rng(0).integers(0, waves.range.size, (RESAMPLES, waves.range.size))
     best = _decide(fits.mean(axis=1), number)
-    agree, found = 0, []
-    for draw in draws:
-        agree += _decide(fits[:, draw].mean(axis=1), number) == best
-        found.append(offsets[int(fits[best][draw].mean(axis=0).argmax())])
-    drawn_offsets = np.array(found)
-    low, high = np.quantile(drawn_offsets, [0.1, 0.9])
-    mean = fits[best].mean(axis=0)
-    offset = float(offsets[int(mean.argmax())])
-    same_side = np.mean(drawn_offsets * np.sign(offset) > smallest) if offset else 0.0
-    side = 0 if offset > 0 else 1
-    certain = (
-        abs(offset) > LEAST_OFFSETS[side] * smallest
-        and mean.max() - mean[0] > LEAST_GAIN
-        and same_side >= OFFSET_SURE[side]
-    )
+    agree = sum(_decide(fits[:, draw].mean(axis=1), number) == best for draw in draws)
+    offset, error, same_side = _offset(pairs, waves, cases[best], offsets, draws)
     recognisable = [_is_recognisable(fits.mean(axis=1), cases, cases[best], mistake) for mistake in range(3)]
     return Explanation(
         *cases[best],
         waves_suffice=recognisable[0] and recognisable[1],
         exchange_recognisable=recognisable[2],
-        offset=offset if certain else 0.0,
-        offset_error=float(max(0.5 * (high - low), waves.ambiguous_range / OFFSET_STEPS)),
+        offset=offset,
+        offset_error=error,
         sure=min(SUREST, agree / RESAMPLES),
-        offset_sure=min(SUREST, float(same_side)),
+        offset_sure=min(SUREST, same_side),
     )
 
 
@@ -142,25 +135,71 @@ def _cases(exchange: bool) -> Iterator[tuple[bool, bool, bool]]:
     yield from sorted(cases, key=sum)
 
 
-def _fit(waves: Wavefronts, conjugated: bool, reversed_: bool, exchanged: bool, offsets: Array) -> Array:
+def _offset(
+    pairs: Pairs, waves: Wavefronts, case: tuple[bool, bool, bool], offsets: Array, draws: NDArray[np.int64]
+) -> tuple[float, float, float]:
+    """Range offset [m], zero where none is certain; its error [m]; and the share of the draws that agree on it."""
+    conjugated, reversed_, exchanged = case
+    error = waves.ambiguous_range / OFFSET_STEPS
+    if exchanged:
+        pairs = replace(pairs, tx=pairs.rx, rx=pairs.tx)
+    measured = midpoint_coherence(pairs, waves, contracting=conjugated, reversed_=reversed_)
+    if measured is None:
+        return 0.0, error, 0.0
+    gain = _gain(waves, measured, case, offsets)
+    drawn = offsets[[int(gain[draw].mean(axis=0).argmax()) for draw in draws]]
+    low, high = np.quantile(drawn, [0.1, 0.9])
+    mean = gain.mean(axis=0)
+    offset = float(offsets[int(mean.argmax())])
+    smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
+    same_side = float(np.mean(drawn * np.sign(offset) > smallest)) if offset else 0.0
+    side = 0 if offset > 0 else 1
+    certain = (
+        abs(offset) > LEAST_OFFSETS[side] * smallest and mean.max() > LEAST_GAIN and same_side >= OFFSET_SURE[side]
+    )
+    return offset if certain else 0.0, float(max(0.5 * (high - low), error)), same_side
+
+
+def _gain(waves: Wavefronts, measured: MidpointCoherence, case: tuple[bool, bool, bool], offsets: Array) -> Array:
+    """By how much each offset improves the fit of each gate over that without an offset, (gates, offsets).
+
+    A delay changes the curvatures that are expected, and the array tells the change by the phase that it makes at its
+    ends. What improves the fit by more than this phase can is another fault: an echo out by one mirror and back by
+    another, say, fits no curvature. So gains are limited to those of an echo of the curvature that an offset predicts.
+    """
+    conjugated = case[0]
+    fit = _fit(waves, measured.coherence, waves.one_sign(conjugated), case, offsets)
+    coherence = 1.0 + UNEXPLAINED - np.exp(-fit)
+    expected = np.minimum(np.abs(_expected(waves, case, offsets)), waves.curvature[-1])  # (2, gates, offsets)
+    lost = np.max([np.min([measured.lost(q - one) for one in expected[:, :, :1]], axis=0) for q in expected], axis=0)
+    return np.minimum(fit - fit[:, :1], fit - _explained(coherence * (1.0 - lost)))
+
+
+def _expected(waves: Wavefronts, case: tuple[bool, bool, bool], offsets: Array) -> Array:
+    """Curvatures that a combination of mistakes and the offsets predict for each gate, (2, gates, offsets) [1/m].
+
+    They are +-1 / range: first of echoes as they are, then of those that have wrapped around from beyond the ambiguous
+    range, as any may have. Conjugation and reversal each reverse the range axis, and cancel together.
+    """
+    conjugated, reversed_, _ = case
+    stated = waves.ambiguous_range - waves.range if conjugated != reversed_ else waves.range
+    true = np.maximum((stated[:, None] - offsets) % waves.ambiguous_range, 1e-6)
+    return np.asarray((-1.0 if conjugated else 1.0) / np.stack([true, true + waves.ambiguous_range]))
+
+
+def _fit(waves: Wavefronts, table: Array, curvatures: Array, case: tuple[bool, bool, bool], offsets: Array) -> Array:
     """Fit of every gate to a combination of mistakes at every range offset, (gates, offsets).
 
-    The fit is ``-ln(share of power that does not add up in phase)`` at the curvature ``+-1 / range`` that the
-    combination and the offset predict. Conjugation and reversal each reverse the range axis, and cancel together.
+    The fit is ``-ln(share of power that does not add up in phase)`` at the expected curvature, by a table of coherences
+    (gates, curvatures).
     """
-    around = conjugated != reversed_
-    stated = waves.ambiguous_range - waves.range if around else waves.range
-    true = np.maximum((stated[:, None] - offsets) % waves.ambiguous_range, 1e-6)
-    sign = -1.0 if conjugated else 1.0
-    table = waves.coherence[int(exchanged), int(reversed_)]
-    splines = CubicSpline(waves.curvature, table, axis=1)
+    splines = CubicSpline(curvatures, table, axis=1)
     pieces = [PPoly(splines.c[..., row], splines.x) for row in range(len(table))]
-    # An echo may also have wrapped around from beyond the ambiguous range, whatever else is wrong.
-    curvature, beyond = sign / true, sign / (true + waves.ambiguous_range)
-    coherence = [np.maximum(piece(q), piece(late)) for piece, q, late in zip(pieces, curvature, beyond, strict=True)]
-    fit = _explained(np.stack(coherence))
+    expected = _expected(waves, case, offsets)
+    fit, late = (_explained(np.stack([piece(q) for piece, q in zip(pieces, at, strict=True)])) for at in expected)
     # At ranges so short that the curvature exceeds the tried ones, the fit is the mean over all curvatures.
-    return np.where(np.abs(curvature) <= waves.curvature[-1], fit, _explained(table).mean(axis=1, keepdims=True))
+    within = np.abs(expected[0]) <= waves.curvature[-1]
+    return np.maximum(np.where(within, fit, _explained(table).mean(axis=1, keepdims=True)), late)
 
 
 def _explained(coherence: Array) -> Array:

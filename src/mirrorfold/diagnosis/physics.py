@@ -70,7 +70,7 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
                 found = _far_apart(pairs) or direct_findings(every)
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
-    made = explain(waves)
+    made = explain(pairs, waves)
     found += _findings(made, speed_of_light / wave_speed(sweep))
     return found, {"waves": made.waves_suffice, "exchange": made.exchange_recognisable}
 

@@ -96,6 +96,12 @@ class Wavefronts:
     pairs : int
         Number of pairs; random phases have a coherence of ``1 / pairs``.
     ambiguous_range : float [m]
+    gate : (gates,) array
+        Points of the range profile.
+    direction : (directions,) array
+        Sines of the angles off broadside that were tried.
+    along, ahead : (3,) array
+        Unit vectors along the array, and across it to where the sine is zero.
     """
 
     range: Array
@@ -103,6 +109,15 @@ class Wavefronts:
     coherence: Array
     pairs: int
     ambiguous_range: float
+    gate: NDArray[np.int64]
+    direction: Array
+    along: Array
+    ahead: Array
+
+    def one_sign(self, contracting: bool) -> Array:
+        """The curvatures of waves that expand, or of those that contract, flat waves included; rising."""
+        middle = self.curvature.size // 2
+        return self.curvature[: middle + 1] if contracting else self.curvature[middle:]
 
 
 def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
@@ -163,6 +178,10 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
         coherence=found.swapaxes(2, 3),
         pairs=chosen.size,
         ambiguous_range=0.5 * profile.shape[1] * step,
+        gate=gate,
+        direction=u,
+        along=along,
+        ahead=ahead,
     )
 
 

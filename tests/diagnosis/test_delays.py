@@ -1,0 +1,83 @@
+"""A delay that is left in a sweep is told by the curvature of the waves; speckle does not feign one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.constants import speed_of_light
+
+import mirrorfold as mf
+from mirrorfold.diagnosis import diagnose
+from mirrorfold.diagnosis.midpoints import midpoint_coherence
+from mirrorfold.diagnosis.wavefronts import wavefronts
+from mirrorfold.scenes.floor_plan import parse_scene
+from mirrorfold.sweep.pairs import pairs_of
+
+WALLS = (([-0.2, 0.3], [0.2, 0.34]), ([-0.3, 0.5], [0.2, 0.8]))
+
+
+def rough_wall(wall, elements, points, seed):
+    """A sweep of one diffuse wall by a short array, correct."""
+    start, end = WALLS[wall]
+    roughness = {"rms_height": 0.05e-3, "correlation_length": 0.2e-3}
+    surface = {"name": "wall", "kind": "segment", "start": start, "end": end, "roughness": roughness}
+    array = {"kind": "linear", "elements": elements, "pitch": 0.5e-3}
+    band = {"start": 290e9, "stop": 300e9, "points": points}
+    scene = parse_scene({"name": "one wall", "array": array, "band": band, "surface": [surface]})
+    return mf.simulate(scene, seed=seed, snr_db=30.0)
+
+
+def cables(sweep):
+    """Lengths of the cables that are said to be left in a sweep [m]."""
+    return [float(one.remedy.split()[-1]) for one in diagnose(sweep)[0] if one.name == "range-offset"]
+
+
+@pytest.mark.parametrize("wall", range(len(WALLS)))
+@pytest.mark.parametrize("points", [41, 101])
+def test_the_speckle_of_a_rough_wall_feigns_no_delay(wall, points):
+    for elements in (9, 11, 13, 17, 25):
+        for seed in range(3):
+            assert cables(rough_wall(wall, elements, points, seed)) == []
+
+
+@pytest.mark.parametrize("wall", range(len(WALLS)))
+def test_two_centimetres_tell_a_delay_that_changes_the_curvature_enough(wall):
+    sweep = mf.calibrate.remove_cable(rough_wall(wall, 41, 101, 0), -0.8)
+    assert cables(sweep) == [pytest.approx(0.8, abs=0.1)]
+
+
+def speckle(distance):
+    """Many points at one distance, of random amplitudes and phases, within 20 degrees of broadside."""
+    random = np.random.default_rng(0)
+    place = np.outer(0.5e-3 * (np.arange(41) - 20.0), [1.0, 0.0, 0.0])
+    frequency = np.linspace(290e9, 300e9, 101)
+    angle = np.radians(random.uniform(-20.0, 20.0, 40))
+    points = distance * np.stack([np.sin(angle), np.cos(angle), 0.0 * angle], axis=1)
+    wavenumber = 2.0 * np.pi / speed_of_light * frequency
+    ways = np.exp(-1j * wavenumber[:, None, None] * np.linalg.norm(place[:, None] - points, axis=2))
+    echoes = random.standard_normal((40, 2)).view(complex)[:, 0]
+    s = np.einsum("fip,p,fkp->fik", ways, echoes, ways, optimize=True)
+    return mf.make_sweep(s, frequency=frequency, tx_position=place, rx_position=place)
+
+
+@pytest.mark.parametrize("distance", [0.3, 0.45, 0.7])
+def test_pairs_of_the_same_midpoint_tell_the_distance_whatever_the_speckle(distance):
+    pairs = pairs_of(speckle(distance))
+    waves = wavefronts(pairs, exchange=False)
+    expanding = waves.one_sign(contracting=False)
+    measured = midpoint_coherence(pairs, waves, contracting=False, reversed_=False)
+    coherence = measured.coherence[int(np.argmin(np.abs(waves.range - distance)))]
+    at = np.interp(1.0 / distance, expanding, coherence)
+    assert at > 0.95
+    # All directions together are far from in phase.
+    together = waves.coherence[0, 0, int(np.argmin(np.abs(waves.range - distance)))].max()
+    assert together < 0.7
+    # A wrong curvature takes what its phase over the array takes; waves from the side have 12 % less of that phase.
+    wrong = measured.lost(expanding - 1.0 / distance)
+    np.testing.assert_allclose(1.0 - coherence / at, wrong, atol=0.12 * wrong.max())
+    assert wrong[-1] > 0.1
+
+
+def test_what_moves_alone_has_no_midpoint_twice_and_tells_no_delay():
+    sweep = rough_wall(0, 41, 101, 0)
+    assert cables(mf.calibrate.remove_cable(sweep.isel(tx=slice(20, 21)), -0.8)) == []
