@@ -13,6 +13,8 @@ from mirrorfold.diagnosis.wavefronts import wavefronts
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.sweep.pairs import pairs_of
 
+pytestmark = pytest.mark.slow
+
 WALLS = (([-0.2, 0.3], [0.2, 0.34]), ([-0.3, 0.5], [0.2, 0.8]))
 
 

@@ -24,7 +24,7 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.wavefronts import Wavefronts
-from mirrorfold.focusing.echoes.coherence import POINT, _lengthen, _look_up, _squares, profiles, windows
+from mirrorfold.focusing.echoes.coherence import POINT, lengthen, look_up, profiles, squares, windows
 from mirrorfold.sweep.pairs import Pairs
 
 SAME = 1.0 / 16.0
@@ -161,7 +161,7 @@ def _grouped(
     for p in range(pairs):
         for i in range(3):
             sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
-    _squares(sides, POINT, square)
+    squares(sides, POINT, square)
     q, turns = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi))
     cells = np.float32(shift * sign / step)
     longer, cell, rest = np.empty(pairs, np.float32), np.empty(pairs, np.int32), np.empty(pairs, np.float32)
@@ -169,8 +169,8 @@ def _grouped(
     part, total = np.empty((2, gates), np.float32), np.empty((4, gates), np.float32)
     for u in sign * directions:
         direction = (u * along + np.sqrt(1.0 - u * u) * ahead).astype(np.float32)
-        _lengthen(sides, square, direction, q, POINT, longer)
-        _look_up(longer, cells, np.float32(size // 2), np.float32(size - 2), turns, cell, rest, cos, sin)
+        lengthen(sides, square, direction, q, POINT, longer)
+        look_up(longer, cells, np.float32(size // 2), np.float32(size - 2), turns, cell, rest, cos, sin)
         total[:] = 0.0
         first = 0
         while first < pairs:

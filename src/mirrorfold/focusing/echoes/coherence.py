@@ -71,7 +71,7 @@ def _change(along, curvature):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
-def _squares(sides, shape, out):  # type: ignore[no-untyped-def]
+def squares(sides, shape, out):  # type: ignore[no-untyped-def]
     """The squares (2, pairs) [m^2] in the paths of pairs, which hold for all directions.
 
     From the positions (2, 3, pairs) [m] of the transmitters a and the receivers b: a^2 and b^2 for a point,
@@ -91,7 +91,7 @@ def _squares(sides, shape, out):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
-def _lengthen(sides, square, direction, q, shape, out):  # type: ignore[no-untyped-def]
+def lengthen(sides, square, direction, q, shape, out):  # type: ignore[no-untyped-def]
     """The paths of pairs (pairs,) [m] less 2 / q, by way of a reflector of this shape, at 1 / q in this direction."""
     two, (x, y, z) = np.float32(2.0), direction
     for p in range(out.size):
@@ -106,7 +106,7 @@ def _lengthen(sides, square, direction, q, shape, out):  # type: ignore[no-untyp
 
 
 @njit(error_model="numpy", nogil=True, fastmath=True)
-def _look_up(longer, cells, middle, last, turns, cell, rest, cos, sin):  # type: ignore[no-untyped-def]
+def look_up(longer, cells, middle, last, turns, cell, rest, cos, sin):  # type: ignore[no-untyped-def]
     """For paths `longer` [m] than that of the gate: point of the window, fraction of a point, and phase factor."""
     for p in range(longer.size):
         at = longer[p] * cells + middle
@@ -162,15 +162,15 @@ def coherence(
     for p in range(pairs):
         for i in range(3):
             sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
-    _squares(sides, shape, square)
+    squares(sides, shape, square)
     q, turns = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi))
     cells = np.float32(shift * sign / step)
     longer, cell, rest = np.empty(pairs, np.float32), np.empty(pairs, np.int32), np.empty(pairs, np.float32)
     cos, sin, total = np.empty(pairs, np.float32), np.empty(pairs, np.float32), np.empty((3, gates), np.float32)
     for u in sign * directions:
         direction = (u * along + np.sqrt(1.0 - u * u) * ahead).astype(np.float32)
-        _lengthen(sides, square, direction, q, shape, longer)
-        _look_up(longer, cells, np.float32(size // 2), np.float32(size - 2), turns, cell, rest, cos, sin)
+        lengthen(sides, square, direction, q, shape, longer)
+        look_up(longer, cells, np.float32(size // 2), np.float32(size - 2), turns, cell, rest, cos, sin)
         total[:] = 0.0
         if gates == 1:
             _add_up_one(windows, cell, rest, cos, sin, total)
