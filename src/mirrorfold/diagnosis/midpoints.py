@@ -24,7 +24,7 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.wavefronts import Wavefronts
-from mirrorfold.focusing.echoes.coherence import POINT, lengthen, look_up, profiles, squares, windows
+from mirrorfold.focusing.echoes.coherence import POINT, lengthen, look_up, profiles, sides_of, squares, windows
 from mirrorfold.sweep.pairs import Pairs
 
 SAME = 1.0 / 16.0
@@ -157,10 +157,7 @@ def _grouped(
     """
     pairs, size, _, gates = windows.shape
     sign = 1.0 if curvature >= 0.0 else -1.0
-    sides, square = np.empty((2, 3, pairs), np.float32), np.empty((2, pairs), np.float32)
-    for p in range(pairs):
-        for i in range(3):
-            sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
+    sides, square = sides_of(tx, rx, tx_of, rx_of), np.empty((2, pairs), np.float32)
     squares(sides, POINT, square)
     q, turns = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi))
     cells = np.float32(shift * sign / step)

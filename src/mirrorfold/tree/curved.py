@@ -21,12 +21,12 @@ from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 FEWEST_CELLS = 3
-"""Least number of resolution cells with echoes behind a mirror: multiple scattering may fill one."""
+"""Least number of resolution cells with echoes behind a mirror, and of those that fold to places not known before:
+multiple scattering may fill one or two."""
 
-FEWEST_NEW, NEW_SHARE = 3, 0.23
-"""Least number, and least share, of the cells behind a mirror that fold to places not known before. Behind a pillar
-that shows known objects, fewer cells do: those of echoes by way of the pillar and further mirrors, which fold to wrong
-places. Of eight cells, two were new behind a round object beside a corner, and three behind a true pillar. The share
+NEW_SHARE = 0.23
+"""Least share of the cells behind a mirror that fold to places not known before. Behind a pillar that shows known
+objects, fewer cells do: those of echoes by way of the pillar and further mirrors, which fold to wrong places. The share
 was at least 0.25 behind true mirrors of random scenes, at most 0.17 behind other rows, and 0.21 behind an arc of full
 waves."""
 
@@ -46,10 +46,10 @@ def shows_new(seen: Evidence) -> bool:
     A small convex mirror makes cells so wide that nearly all of them hold a known place. But where such a mirror shows
     several known places at their own ranges, cells that agree with no range show something else.
     """
-    too_wide = seen.new < FEWEST_NEW and seen.confirmed >= FEWEST_CELLS
+    too_wide = seen.new < FEWEST_CELLS and seen.confirmed >= FEWEST_CELLS
     if too_wide and seen.unconfirmed >= max(FEWEST_CELLS, UNCONFIRMED_SHARE * seen.cells):
         return True
-    return seen.new >= max(FEWEST_NEW, NEW_SHARE * seen.cells)
+    return seen.new >= max(FEWEST_CELLS, NEW_SHARE * seen.cells)
 
 
 def candidates(found: Found, view: View) -> Sequence[Mirror]:

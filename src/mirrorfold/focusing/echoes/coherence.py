@@ -70,6 +70,16 @@ def _change(along, curvature):  # type: ignore[no-untyped-def]
     return along / (np.sqrt(max(np.float32(1.0) + curvature * along, np.float32(0.0))) + np.float32(1.0))
 
 
+@njit(makes_arrays=True, error_model="numpy", nogil=True, fastmath=True)
+def sides_of(tx, rx, tx_of, rx_of):  # type: ignore[no-untyped-def]
+    """Places of the transmitter and the receiver of each pair, (2, 3, pairs) [m], in single precision."""
+    sides = np.empty((2, 3, tx_of.size), np.float32)
+    for p in range(tx_of.size):
+        for i in range(3):
+            sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
+    return sides
+
+
 @njit(error_model="numpy", nogil=True, fastmath=True)
 def squares(sides, shape, out):  # type: ignore[no-untyped-def]
     """The squares (2, pairs) [m^2] in the paths of pairs, which hold for all directions.
@@ -158,10 +168,7 @@ def coherence(
     """
     pairs, size, _, gates = windows.shape
     sign = 1.0 if curvature >= 0.0 else -1.0
-    sides, square = np.empty((2, 3, pairs), np.float32), np.empty((2, pairs), np.float32)
-    for p in range(pairs):
-        for i in range(3):
-            sides[0, i, p], sides[1, i, p] = tx[tx_of[p], i], rx[rx_of[p], i]
+    sides, square = sides_of(tx, rx, tx_of, rx_of), np.empty((2, pairs), np.float32)
     squares(sides, shape, square)
     q, turns = np.float32(abs(curvature)), np.float32(sign * centre / (2.0 * np.pi))
     cells = np.float32(shift * sign / step)
