@@ -39,7 +39,7 @@ def test_spread_is_interpolate_transposed(run, rng, taps, apart, planar):
     where = runs, x, y, z, centre, frame, foci, planar, 20.0, 4, 12.0, -20, 30.0, 1e-3
     kernels = single(rng, taps, 5), single(rng, 4, 5)
     polar, pixels = noise((45, 40)), np.zeros((rows, 5), np.complex64)
-    run(line_kernels.interpolate, *where, polar, *kernels, pixels)
+    run(line_kernels.interpolator(taps), *where, polar, *kernels, pixels)
     image, back = noise((rows, 5), 1), np.zeros((45, 40), np.complex64)
     image[0, 2] = 0.0  # as most pixels of a sparse image
     run(transposed_kernels.interpolate_transposed, *where, image, *kernels, back)

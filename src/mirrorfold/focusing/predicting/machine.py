@@ -33,7 +33,6 @@ from mirrorfold.focusing.lines.interpolation import triangular_kernel
 tile_tables: Any = exact_kernels.tile_tables
 sum_transmitters: Any = exact_kernels.sum_transmitters
 turn: Any = phasor.turn
-interpolate: Any = line_kernels.interpolate
 unfold_spectrum: Any = range_tables.unfold_spectrum
 interleave_coefficients: Any = range_tables.interleave_coefficients
 
@@ -237,6 +236,7 @@ def _pixels(coefficients: np.ndarray) -> float:
     runs = np.stack([np.arange(24), np.zeros(24, int), np.full(24, 400)], axis=1).astype(np.int64)
     polar, image = np.ones((200, 900), np.complex64), np.zeros((24, 400), np.complex64)
     centre, foci = np.zeros(3), np.zeros((2, 3))
+    interpolate = line_kernels.interpolator(len(coefficients))
     return _seconds(
         lambda: interpolate(
             runs, x, y, np.zeros(1), centre, np.eye(3), foci, False, 500.0, 10, 80.0, -100, 1e3, 1e-4, polar,

@@ -322,7 +322,8 @@ def trace_points(
                 for candidate in range(count[fan, p]):
                     if number == taken.size:
                         break
-                    angle[:] = start[fan, p, candidate]
+                    for j in range(k):
+                        angle[j] = start[fan, p, candidate, j]
                     if not stationary(antennas[n, 0], antennas[n, 1], target[p, 0], target[p, 1], arcs, angle, work):
                         continue
                     again = False
