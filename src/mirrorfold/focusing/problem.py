@@ -166,7 +166,7 @@ def pixel_axis(values: ArrayLike, name: str) -> Array:
         If they are not a rising or falling row of finite numbers.
     """
     try:
-        axis = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        axis = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name} holds values that are not numbers; give 1D pixel coordinates in metres") from None
     if axis.ndim != 1 or axis.size == 0:

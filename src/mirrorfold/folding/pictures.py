@@ -92,13 +92,15 @@ def draw(
     `owned_blobs`: no other samples are folded, and doubted ones are not drawn.
     """
     view = sight.view
-    x, y, *z = grid
+    x, y, *z = map(np.array, grid)  # kernels are compiled once for arrays that may be written to
     axes, frame, shape = [*view.axes, view.range], np.eye(3), (*view.shape, 1)[:2]
     if isinstance(view, VolumeView):
         amplitude, gain = view.amplitude, view.gain.astype(np.float32)
+        samples = amplitude.reshape(-1, view.range.size)
     else:  # an image is a volume with one row of directions, which is repeated to interpolate between
         view = cast(ImageView, view)
-        amplitude = np.repeat(view.amplitude.T[:, None].astype(np.float32), 2, axis=1)
+        samples = np.ascontiguousarray(view.amplitude.T, dtype=np.float32)
+        amplitude = np.repeat(samples[:, None], 2, axis=1)
         axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
     mirrors = {ROOT: Isometry.identity(view.dimensions)}
     chains = {index: folds[chain] for index, chain in enumerate(sight.chain) if chain}
@@ -118,7 +120,6 @@ def draw(
     height = z[0] if z else np.zeros(1)
     columns = strongest or not z
     out = np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)
-    samples = amplitude[:, : shape[1]].reshape(-1, view.range.size)
     ahead = {index: back.inverse for index, back in mirrors.items()}
     near = blocks(view, ahead, (x, y, height), blobs, samples, gain, (crossing, through, wall_margin))
     curved = {index: fold for index, fold in chains.items() if isinstance(fold, ChainFold)}

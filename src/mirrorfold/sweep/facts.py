@@ -45,7 +45,7 @@ def is_monostatic(sweep: xr.Dataset) -> bool:
 def antenna_positions(sweep: xr.Dataset) -> tuple[Array, Array]:
     """Positions of the transmitters and of the receivers [m], (tx, 3) and (rx, 3); the same in monostatic sweeps."""
     names = ("antenna_position",) * 2 if "antenna_position" in sweep.variables else ("tx_position", "rx_position")
-    tx, rx = (np.asarray(sweep[name].values, dtype=np.float64) for name in names)
+    tx, rx = (np.ascontiguousarray(sweep[name].values, dtype=np.float64) for name in names)
     return tx, rx
 
 
