@@ -77,6 +77,20 @@ def test_what_is_too_small_for_a_mirror_is_the_edge_of_a_wall(view):
     assert_array_equal(order.face, [0, UNSEEN, ROOT])
 
 
+@pytest.mark.parametrize(
+    ("leg", "known", "parents"),
+    [(0.24, True, [ROOT, 2, ROOT, 0]), (0.24, False, [ROOT, ROOT]), (0.15, True, [ROOT, ROOT])],
+)
+def test_the_legs_of_a_known_corner_are_mirrors_that_show_each_other(view, leg, known, parents):
+    """Each leg is continued by the image of the other one. At least 0.65 of 0.3 m of a leg must be seen."""
+    vertex, axes = np.array([0.0, 2.0]), np.array([[0.6, 0.8], [-0.8, 0.6]])
+    cross = [line(vertex - leg * axis, vertex + leg * axis) for axis in axes]
+    told = view.told(corners=vertex[None] + 0.005) if known else view
+    order, _ = ordered(told, cross, [vertex + 3.0 * axis for axis in axes], opaque=False)
+    assert_array_equal(order.sight.parent, parents)
+    assert_allclose(sum(mirror.length for mirror in order.mirrors), 4.0 * leg, atol=0.04)  # a line of sight at each end
+
+
 def test_echoes_lie_on_mirrors_inside_their_walls_or_elsewhere(view):
     places = [[0.1, 1.0], [0.1, 1.08], [0.1, 1.3], [0.1, 2.0]]
     order, _ = ordered(view, [NEAR, FAR], places, opaque=False, wall_margin=0.1)

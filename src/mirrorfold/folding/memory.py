@@ -10,7 +10,7 @@ from mirrorfold.detection.search.fit import PROFILE_SAMPLES
 from mirrorfold.detection.views.image_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.tree.explaining.directions import bytes_at_once
-from mirrorfold.tree.explaining.wrapped import profile_bytes
+from mirrorfold.tree.explaining.waves import profile_bytes
 
 COMPLEX, DOUBLE, SINGLE, OWNER = 8.0, 8.0, 4.0, 2.0
 """Bytes of a complex number in single precision, of real numbers in double and in single precision, and of a mirror's

@@ -8,8 +8,9 @@ from functools import partial
 
 import xarray as xr
 
-from mirrorfold.common.types import Array, Names
+from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView
+from mirrorfold.tree.explaining.corners import are_corners
 from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
 from mirrorfold.tree.explaining.misplaced import Known, confocal, misplaced
 from mirrorfold.tree.ordering import Order
@@ -30,11 +31,14 @@ class Measured:
     confocal_share : callable, optional
         Share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that came back the way
         it went, (n,); see `directions.confocal_share`.
+    corners : callable, optional
+        Which places (n, 2) [m] of the image show right-angled corners, (n,); see `corners.are_corners`.
     """
 
     explain: Callable[[Echoes], Names] | None = None
     overhangs: Callable[[Order, Echoes], Overhangs] | None = None
     confocal_share: Callable[[Array, Array], Array] | None = None
+    corners: Callable[[Array], Mask] | None = None
 
 
 Measurer = Callable[[ImageView], Measured]
@@ -56,6 +60,7 @@ def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
             explain=partial(misplaced, sweep=sweep, view=view, known=tested),
             overhangs=partial(half_shadows, sweep=sweep, known=ends),
             confocal_share=partial(confocal, sweep=sweep, view=view, known=tested),
+            corners=partial(are_corners, sweep, view),
         )
 
     return measure

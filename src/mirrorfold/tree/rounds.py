@@ -23,6 +23,7 @@ from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itsel
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
+from mirrorfold.tree.explaining.corners import vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 from mirrorfold.tree.explaining.late_walls import from_late_walls
@@ -98,12 +99,18 @@ def find_tree(
         searched = known is None and not settings.published
         share = measured.confocal_share
         blurs = searched and share is not None and reasons.blur(share, clear & (order.face >= 0))
-        if reasons.stays.all() and not blurs:
+        corners = np.zeros((0, 2))
+        if searched and measured.corners is not None and isinstance(view, ImageView):
+            crossed = vertices(order.mirrors)
+            crossed = crossed[~view.near_corner(crossed)]
+            corners = crossed[measured.corners(crossed)]
+        if reasons.stays.all() and not blurs and not len(corners):
             break
         walls = None if walls is None else walls[reasons.stays]
         reasons.leave_out()
         if searched and isinstance(view, ImageView):
-            view = view.with_misplaced(reasons.misplaced(NEAREST_LENGTHS * view.glint))
+            misplaced = reasons.misplaced(NEAREST_LENGTHS * view.glint)
+            view = view.told(misplaced=misplaced, corners=np.concatenate([view.corners, corners]))
     # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
     if rescattered.any():
         reasons.note(rescattered, SCATTERED)

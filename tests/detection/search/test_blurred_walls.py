@@ -25,7 +25,7 @@ def found(spoilt, strength, seed, *, told, behind=BEHIND):
         first, last = (end[0] for end in ends)
         x, y = echoes.position.T
         mixed = (x > first - RANGE_CELL) & (x < last + RANGE_CELL) & (np.abs(y - START[1]) < 1.5 * RANGE_CELL)
-        view = view.with_misplaced(echoes.position[mixed])
+        view = view.told(misplaced=echoes.position[mixed])
     longest = max(find_lines(echoes, view, minimum_length=0.25), key=lambda mirror: mirror.length)
     return abs(np.degrees(np.arctan2(*longest.direction[::-1]) % np.pi + 0.5 * np.pi) % 180.0 - 90.0), longest.length
 
@@ -41,7 +41,7 @@ def test_a_bright_row_behind_a_part_of_a_wall_cuts_or_turns_it_until_the_sweep_t
 
 def test_places_are_blurred_in_the_beam_of_an_echo_from_elsewhere_alone():
     view = radar_view(*diffuse(START, END, 0))
-    known = view.with_misplaced(np.array([[0.0, 1.3]]))
+    known = view.told(misplaced=np.array([[0.0, 1.3]]))
     wall = on_line(START, END)
     near = np.abs(view.to_polar(wall)[1]) <= 0.5 * view.u_cell
     assert known.near_misplaced(wall).tolist() == near.tolist()

@@ -22,6 +22,11 @@ CLEAR_SHARE = 0.25
 stands, and then the blurred places are used, too. At 79 GHz, the echoes that go by way of both of two walls at right
 angles blur up to two thirds of what is seen of one of them."""
 
+LEG_SHARE = 0.65
+"""Least length of the legs of a corner whose vertex is known, as a share of the least length of mirrors: five
+resolution cells. Each leg shows the image of the other one, which continues that one straight. So the image shows a row
+of twice the length, which is long enough to be known as straight."""
+
 END_CELLS = 0.6
 """Length that profiles leave out at either end of a row, as a share of the resolution cell along it, if the cell lies
 askew to the row."""
@@ -142,14 +147,20 @@ class LineMirror(Mirror):
     def pieces(  # type: ignore[override]
         self, view: ImageView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[LineMirror], list[LineMirror]]:
-        """Cut the mirror where `before` changes: pieces of at least the `smallest` length [m], and shorter ones."""
+        """Cut the mirror where `before` changes: pieces of at least the `smallest` length [m], and shorter ones.
+
+        If none is so long, and the cut is at a corner, its legs and their images need only `LEG_SHARE` of that length.
+        """
         position = self.along(view.points(self.crossing(view)[direction], direction))
         changes = np.flatnonzero(before[1:] != before[:-1])
         middle = 0.5 * (position[changes] + position[changes + 1])
         cuts = np.unique(np.clip([0.0, self.length, *middle], 0.0, self.length)).tolist()  # none beyond its ends
-        parts = [self.part(first, last) for first, last in pairwise(cuts)]
+        parts = [self.part(first, last) for first, last in pairwise(cuts) if last > first]
         kept = [part for part in parts if part.length >= smallest]
-        return (kept, [part for part in parts if 0.0 < part.length < smallest]) if kept else ([self], [])
+        if not kept and view.near_corner(np.array([part.end for part in parts[:-1]]).reshape(-1, 2)).any():
+            smallest *= LEG_SHARE
+            kept = [part for part in parts if part.length >= smallest]
+        return (kept, [part for part in parts if part.length < smallest]) if kept else ([self], [])
 
 
 def covered_share(position: Array, half: Array, length: float) -> float:

@@ -47,6 +47,10 @@ BLURRED_CELLS = 1.25, 0.5
 """Half-size of the area around a misplaced echo, in range cells and in cells across, in which it moves the
 centroids of power of a wall: a profile reaches over 0.75 cells, and the echo over half a cell, in its own beam."""
 
+CORNER_CELLS = 2.0
+"""Largest distance of a place from a corner, in range cells and in cells across, at which it is the same: rows are cut
+between two lines of sight, which may meet a steep row more than a cell apart."""
+
 LARGEST_SINE = 0.985
 """Largest sine of the angle off broadside (80 degrees): the array does not resolve directions closer to its own
 line."""
@@ -80,6 +84,8 @@ class ImageView(View):
     misplaced : (m, 2) array [m]
         Where the image shows misplaced echoes: the sweep tells that most of their energy came back by another path
         than it went out.
+    corners : (c, 2) array [m]
+        Where the image shows the vertices of right-angled corners, as the sweep tells.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -100,10 +106,11 @@ class ImageView(View):
     ambiguous: float = np.inf
     noisy: bool = True
     misplaced: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
-    def with_misplaced(self, misplaced: Array) -> ImageView:
-        """The same view with `misplaced` echoes at these places (m, 2) [m]; all else that was computed is kept."""
-        view = replace(self, misplaced=misplaced)
+    def told(self, **known: Array) -> ImageView:
+        """The same view with other `misplaced` echoes or `corners`; all else that was computed is kept."""
+        view = replace(self, **known)  # type: ignore[arg-type]
         kept = vars(self).keys() - vars(view).keys() - {"_misplaced_in_cells"}
         view.__dict__.update({name: vars(self)[name] for name in kept})
         return view
@@ -116,6 +123,11 @@ class ImageView(View):
             seen = np.isfinite(places).all(axis=1)  # not behind the radar
             found[seen] = self._misplaced_in_cells.query(places[seen], p=np.inf)[0] <= 1.0
         return found
+
+    def near_corner(self, points: Array) -> Mask:
+        """Which places (n, 2) [m] are within `CORNER_CELLS` of one of the `corners`, (n,)."""
+        apart = self.in_cells(points)[:, None] - self.in_cells(self.corners)
+        return np.any(np.all(np.abs(apart) <= CORNER_CELLS, axis=2), axis=1)
 
     @cached_property
     def _misplaced_in_cells(self) -> cKDTree:

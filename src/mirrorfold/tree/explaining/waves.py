@@ -1,0 +1,86 @@
+"""The waves of echoes, compared with those from points, flat faces and right-angled corners at given distances.
+
+The places of transmitter and receiver lengthen the path by way of each of these by amounts that depend on the distance;
+see `mirrorfold.focusing.echoes.coherence`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mirrorfold.common.types import Array, Index
+from mirrorfold.detection import ImageView
+from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
+from mirrorfold.sweep.pairs import Pairs
+
+PAIRS = 1000, 8000
+"""Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
+range become. The second number is for echoes that the first cannot separate from these, as between walls that face each
+other."""
+
+MOST_SAMPLES = 2**23
+"""Largest number of samples in the range profiles of these pairs; bounds the memory."""
+
+
+class Waves:
+    """The waves of a sweep.
+
+    Parameters
+    ----------
+    pairs : Pairs
+    chosen : (n,) array of int
+        Numbers of the pairs that are used.
+    view : ImageView
+
+    Attributes
+    ----------
+    period : float [m]
+        The ambiguous range.
+    reach : float [m]
+        Largest distance of an antenna from the middle of the array.
+    cell : float
+        Width of the array's resolution cell, as the sine of an angle.
+    """
+
+    def __init__(self, pairs: Pairs, chosen: Index, view: ImageView) -> None:
+        self._pairs = pairs.tx, pairs.rx, pairs.tx_of[chosen], pairs.rx_of[chosen]
+        self._profile, self._step = profiles(pairs.s[:, chosen], pairs.wavenumber)
+        self._centre = float(pairs.wavenumber.mean())
+        self._carrier = self._centre - float(pairs.wavenumber[0])
+        self._axes = tuple(np.append(axis, 0.0) for axis in (view.along, view.broadside))
+        places = np.concatenate([pairs.tx, pairs.rx])
+        self.period = 0.5 * self._profile.shape[1] * self._step
+        self.reach = float(np.linalg.norm(places, axis=1).max())
+        self.cell = np.pi / max(self._centre * float(np.ptp(places @ self._axes[0])), 1.0)
+        self._half = int(np.ceil(2.0 * self.reach / self._step)) + 2
+
+    def around(self, range_: float) -> NDArray[np.float32]:
+        """The part of the range profiles around echoes at a range [m], see `coherence.windows`."""
+        gate = np.array([round(2.0 * range_ / self._step)])
+        return windows(self._profile, gate, self._half, self._carrier, self._step)
+
+    def fit(self, around: NDArray[np.float32], distance: float, directions: Array) -> Array:
+        """Coherence of what is `around` a range with waves from a point, a face and a corner at a `distance` [m], (3,).
+
+        Each is the largest over the `directions` (n,), sines of angles off broadside.
+        """
+        found = np.zeros((3, 1))
+        for shape in (POINT, FACE, CORNER):
+            coherence(
+                *(around, self._step, 1.0, shape, *self._pairs, self._centre, directions, 1.0 / distance),
+                *(*self._axes, found[shape]),
+            )
+        return found[:, 0]
+
+
+def profile_bytes(sweep: xr.Dataset) -> float:
+    """Memory [bytes] of the range profiles of pairs, and of the samples that they are computed from."""
+    frequencies, *antennas = sweep["s"].shape[-3:]
+    return 8.0 * (OVERSAMPLING + 1) * frequencies * max(numbers_of_pairs(frequencies, int(np.prod(antennas))))
+
+
+def numbers_of_pairs(frequencies: int, pairs: int) -> list[int]:
+    """Number of pairs that are used first, and of those that are used where the first are too few."""
+    return [min(count, pairs, max(1, MOST_SAMPLES // (OVERSAMPLING * frequencies))) for count in PAIRS]
