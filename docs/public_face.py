@@ -94,9 +94,9 @@ def lost(old: Face, new: Face) -> list[str]:
 def face_of(source: Path) -> Face:
     """The face of the package in a folder, in a process of its own."""
     command = [sys.executable, __file__, "--print"]
-    printed = subprocess.run(
-        command, env={**os.environ, "PYTHONPATH": str(source)}, stdout=subprocess.PIPE, text=True, check=True
-    )
+    # Bytecode tells whether it is that of a source by its size and the second it was written in, and may be stale.
+    environment = {**os.environ, "PYTHONPATH": str(source), "PYTHONDONTWRITEBYTECODE": "1"}
+    printed = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return dict(json.loads(printed.stdout))
 
 
