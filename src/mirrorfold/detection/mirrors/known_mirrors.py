@@ -33,6 +33,7 @@ from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import Mirror, proving_echoes
 from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
+from mirrorfold.detection.mirrors.seen_arcs import seen_parts
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 from mirrorfold.detection.views.volume_view import VolumeView
@@ -197,17 +198,23 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
     """Given mirrors, as `check_mirrors` returns them, as `Mirror` objects with their strength and fill.
 
     The strength is the median amplitude of the echoes on the mirror. Where there are none, it is the median amplitude
-    of the image along the mirror; in a volume, zero. The errors are not known: NaN.
+    of the image along the mirror; in a volume, zero. The errors are not known: NaN. Of an arc that the radar sees in
+    parts, from outside and from inside, each part is a mirror.
     """
-    mirrors: list[Mirror] = []
+    reach = float(view.range[-1])
     for number, points in enumerate(places):
-        go_on()
-        mirror: Mirror = _in_space(points, view) if isinstance(view, VolumeView) else _line_or_arc(points, view)
-        size, reach = float(np.ptp(points[:3], axis=0).max()), float(view.range[-1])
+        size = float(np.ptp(points[:3], axis=0).max())
         if size > LONGEST * reach:
             raise InputError(
                 f"mirrors: mirror {number} is {size:.3g} m long in an image that reaches {reach:.3g} m; give metres"
             )
+    if isinstance(view, VolumeView):
+        shapes: list[Mirror] = [_in_space(points, view) for points in places]
+    else:
+        shapes = _seen([_line_or_arc(points, view) for points in places])
+    mirrors: list[Mirror] = []
+    for mirror in shapes:
+        go_on()
         on_it = echoes.take(mirror.own(view, echoes))
         strength = float(np.median(on_it.amplitude)) if len(on_it) else 0.0
         if isinstance(view, ImageView) and not len(on_it):
@@ -215,6 +222,12 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
         fill = mirror.filled(view, proving_echoes(on_it, view))
         mirrors.append(replace(mirror, strength=strength, fill=fill, angle_error=np.nan, offset_error=np.nan))
     return mirrors
+
+
+def _seen(given: list[LineMirror | ArcMirror]) -> list[Mirror]:
+    """The lines as they are, and those parts of the arcs that the radar sees."""
+    parts = iter(seen_parts([mirror for mirror in given if isinstance(mirror, ArcMirror)]))
+    return [part for mirror in given for part in (next(parts) if isinstance(mirror, ArcMirror) else [mirror])]
 
 
 def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
