@@ -260,7 +260,7 @@ class FoldPlan:
             settings = replace(settings, copies=False)
         report(1, 3)
         by_hand, walls = mirrors is not None, None
-        given_count = None if mirrors is None else len(mirrors.walls if isinstance(mirrors, FloorPlan) else mirrors)
+        given_count = None if mirrors is None else mirrors.count if isinstance(mirrors, FloorPlan) else len(mirrors)
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
         if settings.generations == 0 and not by_hand:

@@ -48,6 +48,19 @@ def test_lines_are_metres_whatever_the_drawing_has(tmp_path, units, scale):
     assert 2.0 - np.hypot(*middle.T).min() < 2e-3
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.35, 5.0])
+def test_circles_of_a_drawing_are_curves(tmp_path, radius):
+    document = ezdxf.new("R2010", units=6)
+    document.modelspace().add_circle((1.0, 2.0), radius)
+    document.modelspace().add_line(*WALL)
+    document.saveas(tmp_path / "plan.dxf")
+    plan = read_plan(tmp_path / "plan.dxf")
+    np.testing.assert_allclose(plan.walls, [WALL], rtol=1e-12)
+    center, found = circle_through(*np.moveaxis(plan.curves, 1, 0))
+    np.testing.assert_allclose(center, [[1.0, 2.0]] * len(plan.curves), atol=1e-9)
+    np.testing.assert_allclose(found, radius, rtol=1e-9)
+
+
 def test_geojson_of_every_geometry(tmp_path):
     content = {
         "type": "FeatureCollection",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mirrorfold.common.smooth_lines import straight_and_curved
 from mirrorfold.common.types import Array
 
 FAR = 30.0
@@ -33,17 +34,26 @@ class FloorPlan:
     source: str = "plan"
     walls: Array = field(init=False, repr=False)
     """The straight pieces of all lines, (pieces, 2, 2) [m]."""
+    curves: Array = field(init=False, repr=False)
+    """The arcs among the lines, three points each, (arcs, 3, 2) [m]."""
 
     def __post_init__(self) -> None:
-        pieces = [np.stack([line[:-1], line[1:]], axis=1) for line in self.lines]
-        walls = np.concatenate([np.empty((0, 2, 2)), *pieces])
-        object.__setattr__(self, "walls", walls[np.linalg.norm(walls[:, 1] - walls[:, 0], axis=1) > 0.0])
+        parts = [straight_and_curved(line) for line in self.lines]
+        object.__setattr__(self, "walls", np.concatenate([np.empty((0, 2, 2)), *(straight for straight, _ in parts)]))
+        object.__setattr__(self, "curves", np.concatenate([np.empty((0, 3, 2)), *(arcs for _, arcs in parts)]))
+
+    @property
+    def count(self) -> int:
+        """Number of straight pieces and arcs."""
+        return len(self.walls) + len(self.curves)
 
     def lies_beyond(self, low: Array, high: Array) -> bool:
         """Whether every wall reaches far beyond the picture from `low` to `high` (x, y) [m]; gives a warning if so."""
-        outside = np.maximum(np.maximum(low - self.walls, self.walls - high), 0.0)
-        farther = np.linalg.norm(outside, axis=-1).max(axis=-1)
-        beyond = bool(farther.min(initial=np.inf) > FAR * np.max(high - low))
+        farther = [
+            float(np.linalg.norm(np.maximum(np.maximum(low - wall, wall - high), 0.0), axis=-1).max())
+            for wall in (*self.walls, *self.curves)
+        ]
+        beyond = min(farther, default=np.inf) > FAR * float(np.max(high - low))
         if beyond:
             warnings.warn(
                 f"{self.source}: all walls reach far beyond what is shown; a plan is in metres, unless a DXF file says "

@@ -34,6 +34,9 @@ appear in the unfolded image, and folded points."""
 SAGITTA = 1e-3
 """Largest distance of the chords of arcs and splines from the curve [m]: at most about a wavelength of the radars."""
 
+ROUND = 0.01
+"""Largest distance of the chords of arcs and circles from the curve, over the radius: they turn by 16 degrees."""
+
 LARGEST_COUNT = 100_000
 """Largest number of lines of a floor plan; more must be a mistake, and would take hours to process."""
 
@@ -225,6 +228,8 @@ def _dxf(path: Path) -> Iterator[tuple[str, Array]]:
             curve: Any = entity
             if entity.dxftype() == "ARC" and layer == IMAGES:  # three points on the arc itself
                 along = curve.vertices(curve.angles(3))
+            elif entity.dxftype() in ("ARC", "CIRCLE"):  # so many points that small ones stay round, too
+                along = curve.flattening(min(SAGITTA / unit, ROUND * curve.dxf.radius))
             else:
                 along = curves.make_path(entity).flattening(SAGITTA / unit)
             points = [(point.x, point.y) for point in along]

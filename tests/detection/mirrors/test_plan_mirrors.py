@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
-from synthetic import diffuse, empty_view, radar_image, together
+from synthetic import RANGE_CELL, diffuse, empty_view, radar_image, together
 
 import mirrorfold as mf
+from mirrorfold.common.arcs import circle_through, in_line
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.detection.mirrors.plan_mirrors import mirrors_of_plan
@@ -72,6 +75,70 @@ def test_walls_fold_an_image_as_well_as_mirrors_that_are_found(tmp_path):
     assert hidden.sum() >= 5
     place = np.median(objects["x"].values[hidden]), np.median(objects["y"].values[hidden])
     np.testing.assert_allclose(place, [-0.35, 1.225], atol=0.03)
+
+
+PILLAR = np.array([0.3, 1.6]), 0.3
+
+
+def circle(count=49, turn=0.0):
+    """The outline of the pillar, a closed polyline."""
+    angle = turn + np.linspace(0.0, 2.0 * np.pi, count)
+    return PILLAR[0] + PILLAR[1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 2.5])
+def test_of_a_pillar_the_radar_sees_the_near_side_as_arcs(turn):
+    """Its pieces were flat mirrors, each too short for more than one or two lines of sight."""
+    view = empty_view()
+    found = mirrors_of_plan(FloorPlan((circle(turn=turn),)), view)
+    assert found.shape[1:] == (3, 2)
+    center, radius = circle_through(*np.moveaxis(found, 1, 0))
+    np.testing.assert_allclose(center, [PILLAR[0]] * len(found), atol=1e-9)
+    np.testing.assert_allclose(radius, PILLAR[1], atol=1e-9)
+    distance = np.linalg.norm(PILLAR[0])
+    assert np.linalg.norm(found, axis=-1).max() <= np.sqrt(distance**2 - PILLAR[1] ** 2)  # where rays touch it
+    u = np.sort(view.to_polar(found[:, [0, -1]].reshape(-1, 2))[1])
+    middle, half = np.arctan2(*PILLAR[0]), np.arcsin(PILLAR[1] / distance)
+    np.testing.assert_allclose(u[[0, -1]], np.sin([middle - half, middle + half]), atol=view.du)
+
+
+def test_a_pillar_around_the_corner_appears_behind_its_mirror():
+    hidden = circle() - [0.9, 0.0]
+    screen = np.array([[-0.45, 0.9], [-0.2, 0.9]])
+    found = mirrors_of_plan(FloorPlan((FRONT, hidden, screen)), empty_view(), generations=2)
+    bent = [one for one in found if not in_line(*one)]
+    center, radius = circle_through(*np.moveaxis(np.array(bent), 1, 0))
+    np.testing.assert_allclose(radius, PILLAR[1], atol=1e-9)
+    expected = image_of(PILLAR[0] - [0.9, 0.0], FRONT)
+    assert min(np.linalg.norm(center - expected, axis=1)) < 1e-9
+
+
+def test_the_inner_face_of_a_bay_is_seen_through_its_opening():
+    bay = circle()[4:21]  # its upper side, of which the radar sees the far one
+    (found,) = mirrors_of_plan(FloorPlan((bay,)), empty_view())
+    assert np.linalg.norm(found, axis=-1).min() > np.linalg.norm(PILLAR[0])
+
+
+def test_a_pillar_of_a_plan_folds_as_the_arc_that_it_is(tmp_path):
+    """As flat pieces, what it shows was folded half a metre off."""
+    face = circle()[[24, 30, 36, 40, 44]]
+    shown, amplitude = diffuse([0.45, 1.95], [0.55, 1.9], seed=3)
+    scatterers = np.concatenate([face, shown]), np.concatenate([np.ones(len(face)), amplitude])
+    image = radar_image(*scatterers, np.linspace(-0.4, 1.2, 161), np.linspace(0.8, 2.4, 161))
+    path = tmp_path / "plan.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [circle().tolist()]}))
+    arc = circle(3600)[[1500, 2500, 3500]]
+    np.testing.assert_allclose(
+        *(hidden_in(mf.fold(image, mirrors=mirrors)) for mirrors in (path, [arc.tolist()])), atol=0.2 * RANGE_CELL
+    )
+
+
+def hidden_in(reconstruction):
+    """Places (n, 2) [m] of the echoes that a mirror shows, from left to right."""
+    points = reconstruction.children["objects"].to_dataset(inherit=False).to_dataframe()
+    points = points[(points["bounces"] > 0) & ~points["interpolated"]]
+    assert len(points) > 3
+    return points[["x", "y"]].sort_values("x").to_numpy()
 
 
 def test_a_plan_has_no_heights(tmp_path, folded_scan):
