@@ -108,6 +108,21 @@ def reconstruction() -> xr.DataTree:
 
 
 @pytest.fixture
+def on_a_map(reconstruction) -> xr.DataTree:
+    """The same in the coordinates of a map, thousands of kilometres from their origin."""
+    shift = {"x": 500_123.4, "y": 5_400_321.0}
+    nodes = {}
+    for node in reconstruction.subtree:
+        table = node.to_dataset(inherit=False)
+        axis = {str(name): str(name).removeprefix("folded_")[0] for name in table.variables}
+        places = {name: letter for name, letter in axis.items() if letter in shift}
+        moved = table.assign({name: table[name] + shift[letter] for name, letter in places.items()})
+        nodes[node.path] = moved.set_coords(list(table.coords))
+    nodes["/"].attrs |= {f"radar_{letter}": value for letter, value in shift.items()}
+    return xr.DataTree.from_dict(nodes)
+
+
+@pytest.fixture
 def folded_scan() -> xr.DataTree:
     """A wall, a box before it seen by way of the wall, and a plan view: a folded scan, by hand."""
     random = np.random.default_rng(3)

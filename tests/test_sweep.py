@@ -76,6 +76,17 @@ def test_what_is_wrong_is_said_in_one_sentence(sweep, spoil, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("order", [("azimuth", "elevation", "frequency"), ("frequency", "elevation", "azimuth")])
+def test_scans_in_another_order_are_told_how_to_sort_them(order):
+    """They were asked for positions of transmitters."""
+    beams = {"azimuth": np.linspace(-5.0, 5.0, 3), "elevation": [0.0, 1.0]}
+    scan = mf.make_raster_sweep(np.ones((4, 3, 2), complex), frequency=290e9 + 1e8 * np.arange(4), **beams)
+    with pytest.raises(InputError, match=r"expected \(frequency, azimuth, elevation\)") as refused:
+        check_sweep(scan.transpose(*order))
+    call = str(refused.value).rpartition("sweep.transpose")[2]
+    assert eval(f"scan.transpose{call}")["s"].dims == ("frequency", "azimuth", "elevation")  # as it says
+
+
 def test_samples_beyond_single_precision_are_refused_as_such(sweep):
     places = {name: sweep[name] for name in ("frequency", "tx_position", "rx_position")}
     with pytest.raises(InputError, match="more than single precision holds"):

@@ -57,6 +57,14 @@ def test_levels_survive_packing_to_half_a_step():
     assert packed["step"] < 0.5
 
 
+def test_places_far_from_the_origin_keep_their_digits(reconstruction, on_a_map):
+    points = to_document(on_a_map)["points"]
+    assert points["doubles"] == ["x", "x_initial", "y", "y_initial"]
+    y = np.frombuffer(base64.b64decode(points["y"]), "<f8")
+    assert_allclose(y, on_a_map["objects/y"], rtol=0.0, atol=1e-9)
+    assert to_document(reconstruction)["points"]["doubles"] == []
+
+
 def test_the_document_says_what_the_reconstruction_says(reconstruction, scene_file):
     document = to_document(reconstruction, mf.load(scene_file))
     (mirror,) = document["mirrors"]

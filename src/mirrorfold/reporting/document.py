@@ -23,6 +23,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors
 from mirrorfold.describing.settings import attribute_words, recorded_settings
 from mirrorfold.folding.confident import confident_points
+from mirrorfold.io.exports.vtk import places
 from mirrorfold.reporting.rows import found_rows, mirror_rows, score_rows
 
 if TYPE_CHECKING:
@@ -203,11 +204,12 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
 
 
 def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
-    """The columns of the table of points, each as float32 in base64.
+    """The columns of the table of points, each as float32 in base64; places far from the origin, those that `doubles`
+    names, as float64.
 
-    These are places, level, confidence, bounces, whether the point is on the face of a mirror, and the indices of its
-    chain, of its explanation, and of the chain of the wall that it was seen through, in the lists `chains`, `reasons`
-    and `walls`.
+    The columns are places, level, confidence, bounces, whether the point is on the face of a mirror, and the indices of
+    its chain, of its explanation, and of the chain of the wall that it was seen through, in the lists `chains`,
+    `reasons` and `walls`.
     """
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
@@ -220,10 +222,12 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     walls, through = np.unique(wall, return_inverse=True)
     explanation = np.full(total, "") if "explanation" not in objects else objects["explanation"].values.astype(str)
     reasons, reason = np.unique(explanation[chosen], return_inverse=True)
+    position = {
+        f"{axis}{suffix}": places(objects[f"{axis}{suffix}"].values[chosen])
+        for axis in axes
+        for suffix in ("", "_initial")
+    }
     columns = {
-        **{
-            f"{axis}{suffix}": objects[f"{axis}{suffix}"].values[chosen] for axis in axes for suffix in ("", "_initial")
-        },
         "level": level,
         "confidence": objects["confidence"].values[chosen],
         "bounces": objects["bounces"].values[chosen],
@@ -238,6 +242,8 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
         "chains": names.tolist(),
         "walls": walls.tolist(),
         "reasons": reasons.tolist(),
+        "doubles": [name for name, values in position.items() if values.dtype == np.float64],
+        **{name: _base64(values.tobytes()) for name, values in position.items()},
         **{name: _base64(np.asarray(values, dtype="<f4").tobytes()) for name, values in columns.items()},
     }
 

@@ -28,6 +28,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
     CONJUGATED,
+    MONOSTATIC_DIMENSIONS,
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
     TIME_CONVENTION,
@@ -63,6 +64,13 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if "s" not in sweep:
         raise refuse("holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
     s = sweep["s"]
+    for dims in (PAIR_DIMENSIONS, RASTER_DIMENSIONS, MONOSTATIC_DIMENSIONS):
+        if set(dims) <= set(s.dims) and s.dims[-len(dims) :] != dims:
+            wanted = ", ".join(dims)
+            raise refuse(
+                f"s has dimensions ({', '.join(map(str, s.dims))}), expected ({wanted}) as the last ones; sort them: "
+                f"sweep.transpose(..., {', '.join(map(repr, dims))}, 'axis', missing_dims='ignore')"
+            )
     raster, monostatic = is_raster(sweep), is_monostatic(sweep)
     places = ("antenna_position",) if monostatic else ("tx_position", "rx_position")
     for name in RASTER_DIMENSIONS if raster else ("frequency", *places):

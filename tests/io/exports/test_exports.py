@@ -16,7 +16,7 @@ from mirrorfold.cli import main
 from mirrorfold.cli.schema import check
 from mirrorfold.folding.frames import join_frames
 
-KINDS = {"Float32": "<f4", "Int32": "<i4", "Int64": "<i8"}
+KINDS = {"Float32": "<f4", "Float64": "<f8", "Int32": "<i4", "Int64": "<i8"}
 
 
 def arrays_of(path):
@@ -46,6 +46,40 @@ def two_mirrors(reconstruction):
     nodes["/mirrors"] = xr.concat([mirrors, deeper], "mirror")
     nodes["/objects"] = objects.assign(chain=("point", chain), interpolated=("point", between))
     return xr.DataTree.from_dict(nodes)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".csv", ".xyz", ".vtp"])
+def test_places_far_from_the_origin_keep_their_digits(on_a_map, tmp_path, suffix):
+    """In single precision, points of a radar in the coordinates of a map were a quarter of a metre off."""
+    path = mf.export(on_a_map, tmp_path / f"cloud{suffix}")
+    objects = on_a_map["objects"].to_dataset(inherit=False)
+    np.testing.assert_allclose(
+        places_in(path), np.stack([objects["x"], objects["y"], 0.0 * objects["x"]], -1), atol=1e-5
+    )
+
+
+def places_in(path):
+    """The places (n, 3) [m] of the points of a file."""
+    if path.suffix == ".ply":
+        return np.asarray(trimesh.load(path).vertices)
+    if path.suffix == ".vtp":
+        return arrays_of(path)[0]["Points"].reshape(-1, 3)
+    if path.suffix == ".pcd":
+        header, _, table = path.read_bytes().partition(b"DATA binary\n")
+        lines = dict(line.split(" ", 1) for line in header.decode().splitlines() if not line.startswith("#"))
+        kinds = [
+            f"<{kind.lower()}{size}" for kind, size in zip(lines["TYPE"].split(), lines["SIZE"].split(), strict=True)
+        ]
+        points = np.frombuffer(table, dtype=list(zip(lines["FIELDS"].split(), kinds, strict=True)))
+        return np.stack([points[axis] for axis in "xyz"], axis=-1)
+    rows = [line.replace(",", " ").split() for line in path.read_text().splitlines() if not line.startswith("#")]
+    return np.array([row[:3] for row in rows if row[0] != "x"], dtype=float)
+
+
+def test_walls_far_from_the_origin_keep_their_digits(on_a_map, tmp_path):
+    corners = arrays_of(mf.export(on_a_map, tmp_path / "walls.vtp", what="mirrors"))[0]["Points"].reshape(-1, 3)
+    mirrors = on_a_map["mirrors"]
+    np.testing.assert_allclose(corners[0, :2], [mirrors["x0"].item(), mirrors["y0"].item()], rtol=0.0, atol=1e-5)
 
 
 def test_clouds_carry_chain_mirror_and_confidence(two_mirrors, tmp_path):

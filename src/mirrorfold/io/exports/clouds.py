@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.chains import mirror_chains
-from mirrorfold.io.exports.vtk import points_file
+from mirrorfold.io.exports.vtk import places, points_file
 
 Columns = dict[str, NDArray]
 
@@ -36,10 +36,10 @@ def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     size = objects.sizes.get("point", 0)
-    columns: Columns = {
-        name: np.asarray(objects[name].values, dtype="<f4") if name in objects.variables else np.zeros(size, "<f4")
-        for name in ("x", "y", "z", "amplitude", "confidence")
-    }
+    held = {name: objects[name].values for name in (*"xyz", "amplitude", "confidence") if name in objects.variables}
+    position = places(np.stack([held.get(axis, np.zeros(size)) for axis in "xyz"], axis=-1))
+    columns: Columns = dict(zip("xyz", position.T, strict=True))
+    columns |= {name: np.asarray(held.get(name, np.zeros(size)), dtype="<f4") for name in ("amplitude", "confidence")}
     columns["bounces"] = objects["bounces"].values.astype("<i4")
     surface = objects["surface"].values if "surface" in objects else np.full(size, "object")
     columns["mirror"] = (surface == "mirror").astype("<i4")
@@ -73,10 +73,10 @@ def _ply(columns: Columns, chains: list[str]) -> bytes:
     """A PLY file of points."""
     colour = COLOURS[np.minimum(columns["bounces"], len(COLOURS) - 1)].astype("u1")
     columns = columns | {name: colour[:, i] for i, name in enumerate(("red", "green", "blue"))}
-    kinds = {"f": "float", "i": "int", "u": "uchar"}
+    kinds = {"<f4": "float", "<f8": "double", "<i4": "int", "|u1": "uchar"}
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in notes(chains))]
     lines.append(f"element vertex {len(columns['x'])}")
-    lines += [f"property {kinds[column.dtype.kind]} {name}" for name, column in columns.items()]
+    lines += [f"property {kinds[column.dtype.str]} {name}" for name, column in columns.items()]
     return "\n".join([*lines, "end_header", ""]).encode() + _table(columns)
 
 
@@ -117,8 +117,12 @@ def _xyz(columns: Columns, chains: list[str]) -> bytes:
 
 def _text(columns: Columns, separator: str) -> str:
     """The points as text: a line of headings, then a line for each point."""
-    rows = zip(*(column.tolist() if column.dtype.kind != "f" else [f"{value:.7g}" for value in column]
-                 for column in columns.values()), strict=True)  # fmt: skip
+    digits = {"<f4": ".7g", "<f8": ".12g"}
+    written = [
+        [format(one, digits[column.dtype.str]) for one in column] if column.dtype.kind == "f" else column.tolist()
+        for column in columns.values()
+    ]
+    rows = zip(*written, strict=True)
     lines = [separator.join(columns), *(separator.join(map(str, row)) for row in rows)]
     return "\n".join([*lines, ""])
 

@@ -21,10 +21,22 @@ from mirrorfold.sweep.polarization import picked, polarizations
 
 TYPES = {"<f4": "Float32", "<f8": "Float64", "<i4": "Int32", "<i8": "Int64"}
 
+ROUNDING = 1e-5
+"""Largest rounding error of exported places [m], a hundredth of a wavelength at 300 GHz. Single precision, which every
+program reads, keeps to it up to a hundred metres and more from the origin; beyond, places have double precision."""
+
 HEADER_LIMIT = 2**32
 """Size of an array from which on its length does not fit into the 4 bytes of the header [bytes]."""
 
 Columns = Mapping[str, NDArray]
+
+
+def places(values: NDArray) -> NDArray:
+    """Coordinates [m] in single precision, or in double precision where single precision would move them."""
+    single = np.asarray(values, dtype="<f4")
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(single - np.asarray(values, dtype="<f8")) > ROUNDING
+    return np.asarray(values, dtype="<f8") if moved.any() else single
 
 
 def points_file(points: NDArray, columns: Columns, notes: Sequence[str] = ()) -> bytes:
@@ -41,7 +53,7 @@ def walls_file(
 
     By default they are lines if all have two points, otherwise faces.
     """
-    corners = np.concatenate([np.empty((0, 3)), *outlines]).astype("<f4")
+    corners = places(np.concatenate([np.empty((0, 3)), *outlines]))
     each = np.arange(len(corners), dtype="<i8")
     ends = np.cumsum([len(outline) for outline in outlines]).astype("<i8")
     flat = all(len(outline) == 2 for outline in outlines) if lines is None else lines
@@ -74,7 +86,7 @@ def volume_file(volume: xr.DataArray) -> bytes:
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in ("range", "azimuth", "elevation"))
     origin = np.asarray(volume.attrs.get("radar_position", np.zeros(3)), dtype=float)
     sight = beam_direction(azimuth[:, None], elevation)
-    points = (origin + range_[:, None, None, None] * sight).astype("<f4").reshape(-1, 3)
+    points = places((origin + range_[:, None, None, None] * sight).reshape(-1, 3))
     extent = f"0 {elevation.size - 1} 0 {azimuth.size - 1} 0 {range_.size - 1}"
     columns = _parts("image", volume)
     piece = f'<Piece Extent="{extent}"><PointData>{_arrays(columns)}</PointData><Points>'
@@ -98,7 +110,7 @@ def _poly_data(points: NDArray, data: str, cells: str, notes: Sequence[str], **c
     numbers = [f'NumberOf{kind.title()}="{counts.get(kind, 0)}"' for kind in ("verts", "lines", "strips", "polys")]
     piece = "".join(f"<!-- {note} -->\n" for note in notes)
     piece += f'<Piece NumberOfPoints="{len(points)}" {" ".join(numbers)}>{data}'
-    piece += f"<Points>{_array('Points', points.astype('<f4'))}</Points>{cells}</Piece>"
+    piece += f"<Points>{_array('Points', points)}</Points>{cells}</Piece>"
     return _file("PolyData", "", piece, [points])
 
 

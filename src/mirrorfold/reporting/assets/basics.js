@@ -52,7 +52,10 @@ async function unpack(document_) {
   const images = {};
   for (const [name, packed] of Object.entries(document_.images)) images[name] = await levelsOf(packed, nx);
   const points = { ...document_.points };
-  for (const name of Object.keys(points)) if (typeof points[name] === "string") points[name] = floatsOf(points[name]);
+  for (const [name, held] of Object.entries(points)) {
+    if (typeof held !== "string") continue;
+    points[name] = points.doubles.includes(name) ? new Float64Array(bytesOf(held).buffer) : floatsOf(held);
+  }
   // What people call it; the live page counts its lines.
   for (const mirror of document_.mirrors) mirror.name = String(mirror.number);
   const number = new Map(document_.mirrors.map((mirror) => [mirror.chain, mirror.number]));
