@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -166,3 +168,15 @@ def test_the_command_line_prints_figures_and_a_page(reconstruction, image, tmp_p
     assert main(["compare", "a.nc", "i.nc"]) == 2
     assert main(["compare", "a.nc", "b.nc", "-o", "c.txt"]) == 2
     assert main(["compare", "a.nc", "b.nc", "-o", "a.nc"]) == 2
+
+
+def test_a_frame_is_compared_with_a_single_result(reconstruction, tmp_path, monkeypatch, capsys):
+    """Without --frame a frame was asked for, and with it, it was asked to be left out."""
+    monkeypatch.chdir(tmp_path)
+    mf.save(join_frames([reconstruction, reconstruction], {}), "recording.nc")
+    mf.save(reconstruction, "single.nc")
+    for names in (["recording.nc", "single.nc"], ["single.nc", "recording.nc"]):
+        assert main(["compare", *names, "--frame", "1", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["points"]["gained"] == 0
+    assert main(["compare", "single.nc", "single.nc", "--frame", "1"]) == 2
+    assert main(["compare", "recording.nc", "single.nc"]) == 2

@@ -11,6 +11,7 @@ from mirrorfold.cli.study_tables import show_comparison
 from mirrorfold.cli.terminal import show_result
 from mirrorfold.cli.writing import output_file
 from mirrorfold.errors import printable
+from mirrorfold.folding.frames import frame_count
 from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
 
@@ -36,8 +37,9 @@ def compare(
     if output is not None:
         output_file(output, inputs=[first, second], suffixes=(".html", *PICTURES))
     a, b = (read(path, "reconstruction", "image") for path in (first, second))
-    if frame is not None:
-        a, b = mf.pick_frame(a, frame), mf.pick_frame(b, frame)
+    if frame is not None:  # of a recording beside a single result, the recording has the frame
+        recordings = [one for one in (a, b) if frame_count(one) is not None]
+        a, b = (mf.pick_frame(one, frame) if not recordings or frame_count(one) is not None else one for one in (a, b))
     names = printable(str(first)), printable(str(second))
     found = mf.compare(a, b, names=names)
     if output is not None and output.suffix.lower() == ".html":

@@ -14,7 +14,7 @@ from synthetic import RANGE_CELL, diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
-from mirrorfold.detection.mirrors.known_mirrors import read_mirrors, write_mirrors
+from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors, write_mirrors
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs
@@ -234,6 +234,11 @@ def test_files_of_mirrors_keep_every_bit(tmp_path):
         ('{"mirrors": [{"start": [0, 1], "end": [0, NaN]}]}', "not finite"),
         ('{"mirrors": [{"start": [0, 1], "end": "x"}]}', "two ends"),
         ('{"mirrors": [{"start": [0, 1, 2], "end": [0, 1, 3]}]}', "two ends"),
+        (
+            '{"mirrors": [{"corners": [[0, 2, 0], [1, 2, 1], [1, 2, 0], [0, 2, 1]]}]}',
+            "mirror 0 has no convex outline; give its corners in their order around the face",
+        ),
+        ('{"mirrors": [{"corners": [[0, 2, 0], [1, 2, 0], [0.2, 2, 0.2], [0, 2, 1]]}]}', "no convex outline"),
     ],
 )
 def test_wrong_files_of_mirrors_are_refused_by_name(tmp_path, content, words):
@@ -242,6 +247,12 @@ def test_wrong_files_of_mirrors_are_refused_by_name(tmp_path, content, words):
     with pytest.raises(mf.InputError, match=words) as caught:
         read_mirrors(path)
     assert str(path) in str(caught.value)
+
+
+def test_corners_may_go_round_either_way_from_any_of_them():
+    corners = np.array([[0.0, 2.0, 0.0], [1.0, 1.5, 0.0], [1.0, 1.5, 1.0], [0.0, 2.0, 0.8]])
+    for turned in (np.roll(corners, first, axis=0)[::step] for first in range(4) for step in (1, -1)):
+        assert np.array_equal(check_mirrors([turned]), [turned])
 
 
 def test_wrong_settings_are_refused(view):

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arcs import Arc, as_three_points, in_line
+from mirrorfold.common.geometry import cross2
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.round_surfaces import RoundSurface
@@ -105,7 +106,17 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
             _check_arc(points, mirror)
         if not flat and spread[2] > FLATTEST * spread[0]:
             raise InputError(f"{mirror} is not flat; give four corners of one plane")
+        if not flat and not _goes_around(points):
+            raise InputError(f"{mirror} has no convex outline; give its corners in their order around the face")
     return places
+
+
+def _goes_around(corners: Array) -> bool:
+    """Whether the outline through corners (4, 3) [m] of a plane turns to one side, as around a convex face."""
+    offset = corners - corners.mean(axis=0)
+    edges = (np.roll(offset, -1, axis=0) - offset) @ np.linalg.svd(offset)[2][:2].T
+    turn = cross2(edges, np.roll(edges, -1, axis=0)) / np.sum(offset**2)
+    return bool(turn.min() >= -FLATTEST or turn.max() <= FLATTEST)
 
 
 def _check_arc(points: Array, mirror: str) -> None:
