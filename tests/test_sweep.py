@@ -87,6 +87,34 @@ def test_scans_in_another_order_are_told_how_to_sort_them(order):
     assert eval(f"scan.transpose{call}")["s"].dims == ("frequency", "azimuth", "elevation")  # as it says
 
 
+@pytest.mark.parametrize("points", [41, 5001])
+def test_frequencies_in_single_precision_lose_their_rounding(points):
+    """They were refused, as uneven or because the image was not exact enough; 5001 are 2 MHz apart, rounding 16 kHz."""
+    exact = np.linspace(290.1e9, 300.2e9, points)
+    places = {"tx_position": np.zeros((2, 3)), "rx_position": [[0.0, 0.0, 0.0], [5e-4, 0.0, 0.0]]}
+    s = np.ones((points, 2, 2), complex)
+    s[0] += 1j
+    sweep = make_sweep(s, frequency=exact.astype(np.float32), **places)
+    assert_allclose(np.diff(sweep["frequency"]), np.diff(exact), rtol=2e-5)
+    assert np.ptp(np.diff(sweep["frequency"])) < 1e-9 * np.diff(exact).mean()
+    loaded = make_sweep(s, frequency=exact, **places).assign_coords(frequency=exact.astype(np.float32))
+    assert_array_equal(check_sweep(loaded)["frequency"], sweep["frequency"])
+    assert not [finding for finding in mf.info(loaded).findings if "steps" in finding.name]
+
+
+def test_a_sweep_in_single_precision_is_imaged_as_exactly_as_another(sweep):
+    axes = {"x": np.linspace(-0.02, 0.06, 21), "y": np.linspace(0.2, 0.4, 21)}
+    rough = sweep.assign_coords(frequency=sweep["frequency"].astype(np.float32))
+    found, expected = (mf.focus(one, tolerance=1e-5, **axes) for one in (rough, sweep))
+    assert abs(found - expected).max() < 1e-4 * abs(expected).max()
+
+
+def test_exact_frequencies_and_uneven_ones_are_kept(sweep):
+    assert check_sweep(sweep)["frequency"].identical(sweep["frequency"])
+    bent = sweep["frequency"].values + 8e5 * np.sin(np.linspace(0.0, np.pi, 41))  # a chirp that is no line
+    assert_array_equal(check_sweep(sweep.assign_coords(frequency=bent))["frequency"], bent)
+
+
 def test_samples_beyond_single_precision_are_refused_as_such(sweep):
     places = {name: sweep[name] for name in ("frequency", "tx_position", "rx_position")}
     with pytest.raises(InputError, match="more than single precision holds"):

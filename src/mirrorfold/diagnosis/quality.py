@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mirrorfold.calibration.masking import Bad, find_bad
 from mirrorfold.common.plausible import constant_part
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
-from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of
+from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of, without_rounding
 
 MASK = "--mask"
 """Option of `mirrorfold calibrate` that masks bad channels and fills in bad frequencies."""
@@ -85,7 +85,8 @@ def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
 
 def _step_findings(sweep: xr.Dataset) -> list[Finding]:
     """The finding that frequencies fall, are not sorted, or do not have equal steps."""
-    frequency = np.asarray(sweep["frequency"].values, dtype=float) if "frequency" in sweep.variables else np.empty(0)
+    given = sweep["frequency"].values if "frequency" in sweep.variables else np.empty(0)
+    frequency = np.asarray(without_rounding(given), dtype=float)
     if frequency.size < 2 or not np.isfinite(frequency).all():
         return []
     step = np.diff(frequency)

@@ -127,8 +127,8 @@ def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:
                 if sweep[name].dims[:1] != (dim,):
                     raise InputError(f"sweep: {name} has dimensions {dict(sweep[name].sizes)}, expected {dim!r} first")
             shape = tuple(len(sweep[name]) for name in names)
-            check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
-            return sweep
+            checked = check_sweep(sweep.assign(s=(dims, np.broadcast_to(np.complex64(1.0), shape))))
+            return sweep.assign_coords(frequency=checked["frequency"])
     return check_sweep(sweep)
 
 

@@ -18,13 +18,14 @@ false for pairs that were not measured or are masked. Samples of such pairs are 
 
 from __future__ import annotations
 
-from mirrorfold.sweep.checks import STEP_TOLERANCE, UnitDoubt, check_sweep, check_waves, frequency_unit_of, unit_doubts
+from mirrorfold.sweep.checks import UnitDoubt, check_sweep, check_waves, frequency_unit_of, unit_doubts
 from mirrorfold.sweep.facts import (
     AXES,
     AXES_REMEDY,
     MONOSTATIC_DIMENSIONS,
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
+    STEP_TOLERANCE,
     TIME_CONVENTION,
     ambiguous_range,
     antenna_positions,
@@ -36,6 +37,7 @@ from mirrorfold.sweep.facts import (
     range_resolution,
     wave_speed,
     wavenumber,
+    without_rounding,
 )
 from mirrorfold.sweep.making import add_noise, make_monostatic_sweep, make_raster_sweep, make_sweep
 from mirrorfold.sweep.polarization import join_polarizations
@@ -68,4 +70,5 @@ __all__ = [
     "unit_doubts",
     "wave_speed",
     "wavenumber",
+    "without_rounding",
 ]

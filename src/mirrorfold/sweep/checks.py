@@ -31,23 +31,22 @@ from mirrorfold.sweep.facts import (
     MONOSTATIC_DIMENSIONS,
     PAIR_DIMENSIONS,
     RASTER_DIMENSIONS,
+    STEP_TOLERANCE,
     TIME_CONVENTION,
     antenna_positions,
     is_monostatic,
     is_raster,
     wave_speed,
+    without_rounding,
 )
 from mirrorfold.sweep.polarization import polarizations
-
-STEP_TOLERANCE = 1e-3
-"""Largest deviation of a frequency step from the mean step, as a share of the mean step. With 1000 steps it causes a
-phase error of a few degrees at the end of the unambiguous range."""
 
 
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     """Check a sweep, and return it in the time convention ``exp(+jwt)``.
 
-    Data in the other time convention, ``exp(-jwt)``, is conjugated.
+    Data in the other time convention, ``exp(-jwt)``, is conjugated, and frequencies that rounding has moved get exactly
+    equal steps.
 
     Raises
     ------
@@ -112,6 +111,10 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     frequency = sweep["frequency"].values
     if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
         raise refuse("frequency holds values that are not positive numbers; give them in hertz")
+    even = without_rounding(frequency)
+    if even is not frequency:
+        sweep = sweep.assign_coords(frequency=sweep["frequency"].copy(data=even))
+        frequency = even
     if frequency.size > 1:
         step = np.diff(frequency.astype(float))
         if step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean():

@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike
 from mirrorfold.common.arguments import number, whole_number, wrong_kind
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.checks import check_sweep, unit_doubts
-from mirrorfold.sweep.facts import AXES, MONOSTATIC_DIMENSIONS, PAIR_DIMENSIONS, RASTER_DIMENSIONS, TIME_CONVENTION
+from mirrorfold.sweep.facts import (
+    AXES,
+    MONOSTATIC_DIMENSIONS,
+    PAIR_DIMENSIONS,
+    RASTER_DIMENSIONS,
+    TIME_CONVENTION,
+    without_rounding,
+)
 from mirrorfold.sweep.samples import complex_samples, real_numbers
 
 Coordinates = dict[str, tuple[tuple[str, ...], ArrayLike, str]]
@@ -177,6 +184,9 @@ def _made(
         name: (axes, real_numbers(f"sweep: {name}", given), {"units": unit})
         for name, (axes, given, unit) in coords.items()
     }
+    if getattr(coords["frequency"][1], "dtype", None) == np.float32:
+        axes, frequency, unit = variables["frequency"]
+        variables["frequency"] = axes, without_rounding(frequency.astype(np.float32)).astype(float), unit
     expected = ", ".join(f"{name}({', '.join(axes).replace('axis', '3')})" for name, (axes, _, _) in coords.items())
     found = ", ".join(f"{name} {variable[1].shape}" for name, variable in variables.items())
     more = "of frames before these for a recording" if polarization is None else "of polarizations before these"
