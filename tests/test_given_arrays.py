@@ -100,3 +100,33 @@ def test_a_plan_turns_named_dimensions_into_order(sweep):
 def test_noise_of_no_level_is_refused(sweep, given):
     with pytest.raises(mf.InputError, match=r"expected a (number of decibels|whole number)"):
         mf.add_noise(sweep, **given)
+
+
+@pytest.fixture
+def focused(sweep):
+    return mf.focus(sweep, x=np.linspace(-0.1, 0.2, 61), y=np.linspace(0.2, 0.5, 61))
+
+
+@pytest.mark.parametrize("kind", ["f2", "f8", "longdouble", ">f8"])
+def test_amplitudes_of_every_precision_fold_alike(focused, kind):
+    """Half and extended precision ended in a traceback."""
+    amplitude = abs(focused) / float(abs(focused).max())
+    found, expected = (mf.fold(amplitude.astype(one))["objects"] for one in (kind, "f4"))
+    assert expected.sizes["point"] > 0
+    assert found.sizes["point"] == expected.sizes["point"]
+    np.testing.assert_allclose(found["x"], expected["x"], atol=1e-3)
+
+
+def test_images_that_no_precision_suits_are_refused(focused, tmp_path):
+    for factor in (1e200, 1e-200):
+        with pytest.raises(mf.InputError, match="beyond single precision"):
+            mf.fold(focused.astype(complex) * factor)
+    if np.dtype(np.clongdouble) != np.dtype(complex):  # where it is another type
+        assert mf.fold(focused.astype(np.clongdouble))["objects"].sizes["point"] > 0
+        with pytest.raises(mf.InputError, match="netCDF does not hold"):
+            mf.save(focused.astype(np.clongdouble), tmp_path / "image.nc")
+
+
+def test_an_image_in_another_order_is_told_how_to_sort_it(focused):
+    with pytest.raises(mf.InputError, match=r"image\.transpose\('y', 'x'\) sorts them"):
+        mf.fold(focused.transpose("x", "y"))

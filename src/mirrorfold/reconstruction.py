@@ -32,7 +32,7 @@ from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors
 from mirrorfold.detection.mirrors.plan_mirrors import mirrors_of_plan
 from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection.views.view import View, in_single_precision
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.labels import check_origin
@@ -178,11 +178,12 @@ class FoldPlan:
         if not isinstance(image, xr.DataArray | xr.DataTree):
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
         # The image of the first polarization is folded; both images together tell which echoes passed through walls.
-        self._polarizations, image, sweep = polarized(image, sweep)
+        both, image, sweep = polarized(image, sweep)
+        self._polarizations = {name: in_single_precision(one) for name, one in both.items()}
         self._measure: Measurer = (
             kept_measurements(image) if isinstance(image, xr.DataTree) and sweep is None else no_measurements
         )
-        self.image = initial_image(image) if isinstance(image, xr.DataTree) else image
+        self.image = in_single_precision(initial_image(image) if isinstance(image, xr.DataTree) else image)
         self._sweep = None if sweep is None else check_sweep(sweep)
         if self._sweep is not None:
             check_origin(self.image, self._sweep)

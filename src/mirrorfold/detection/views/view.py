@@ -242,6 +242,29 @@ class View(ABC):
         return np.where(range_ > 0.0, range_, np.inf)
 
 
+PRECISIONS = {"f": np.float32, "c": np.complex64}
+"""Single precision of amplitudes and of complex images, by the kind of their numbers."""
+
+
+def in_single_precision(image: xr.DataArray) -> xr.DataArray:
+    """The image in single precision, in which images are computed, if it has floating-point numbers of another one.
+
+    Raises
+    ------
+    InputError
+        If its amplitudes are larger or smaller than single precision holds.
+    """
+    single = PRECISIONS.get(image.dtype.kind)
+    if single is None or image.dtype.itemsize == np.dtype(single).itemsize:
+        return image
+    with np.errstate(over="ignore", under="ignore"):
+        found = image.astype(single)
+    lost = np.isfinite(image.values).all() and not np.isfinite(found.values).all()
+    if lost or (image.values.any() and not found.values.any()):
+        raise InputError("image: has amplitudes beyond single precision, 1e-38 to 1e38; multiply all by one number")
+    return found
+
+
 def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
     """Refuse anything but an image of these dimensions with finite values on a regular grid, at least 4 along each.
 
@@ -253,6 +276,8 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
     if not isinstance(image, xr.DataArray) or image.dims != dims:
         found = getattr(image, "dims", type(image).__name__)
         many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
+        if sorted(map(str, found)) == sorted(dims):
+            many = f"; image.transpose({', '.join(map(repr, dims))}) sorts them"
         raise InputError(f"image: has dimensions {found}, expected an image with dimensions {dims}{many}")
     for name in dims:
         if name not in image.coords or image.sizes[name] < 4:

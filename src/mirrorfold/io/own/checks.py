@@ -227,6 +227,10 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
         raise InputError(f"{source}: has dimensions {image.dims}, expected {expected}")
     if image.dtype.kind not in "fc":
         raise InputError(f"{source}: has type {image.dtype}, expected real or complex floating-point amplitudes")
+    if image.dtype.kind == "c" and image.dtype.itemsize > np.dtype(np.complex128).itemsize:
+        raise InputError(
+            f"{source}: has type {image.dtype}, which netCDF does not hold; take image.astype('complex64')"
+        )
     if image.size == 0:
         raise InputError(f"{source}: is empty, its shape is {image.shape}; an image needs at least one pixel")
     _check_axes(image, source)
