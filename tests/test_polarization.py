@@ -112,6 +112,20 @@ def test_sweeps_of_either_time_convention_are_joined_alike(of_the_other_time):
 
 
 @pytest.mark.slow
+def test_polarizations_that_were_chosen_are_joined_again(both):
+    """After `sel`, the name is a coordinate of one value, at which xarray's own error ended the join."""
+    te, tm = (both.sel(polarization=name) for name in ("TE", "TM"))
+    joined = join_polarizations({"TM": tm, "TE": te})
+    assert joined["s"].identical(both["s"])
+    assert te["polarization"].item() == "TE"  # what was given stays as it was
+    with pytest.raises(InputError, match="that of TE says of itself that its polarization is 'TM'; swap them"):
+        join_polarizations({"TE": tm, "TM": te})
+    assert mf.check_sweep(tm).attrs["polarization"] == "TM"
+    with pytest.raises(InputError, match="another polarization than the sweep"):
+        mf.calibrate.subtract_background(te, tm)
+
+
+@pytest.mark.slow
 def test_what_is_wrong_with_polarizations_is_said(both):
     te, tm = simulated(), simulated(polarization="TM")
     with pytest.raises(InputError, match="without names"):

@@ -39,7 +39,7 @@ from mirrorfold.sweep.facts import (
     wave_speed,
     without_rounding,
 )
-from mirrorfold.sweep.polarization import polarizations
+from mirrorfold.sweep.polarization import polarizations, with_own_polarization
 
 
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
@@ -62,6 +62,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
         raise wrong_kind(source, sweep, "a sweep (xarray.Dataset), as mf.load, mf.simulate and mf.make_sweep return")
     if "s" not in sweep:
         raise refuse("holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
+    sweep = with_own_polarization(sweep)
     s = sweep["s"]
     for dims in (PAIR_DIMENSIONS, RASTER_DIMENSIONS, MONOSTATIC_DIMENSIONS):
         if set(dims) <= set(s.dims) and s.dims[-len(dims) :] != dims:

@@ -41,6 +41,14 @@ def polarizations(obj: Any, source: str = "sweep") -> tuple[str, ...]:
     return names
 
 
+def with_own_polarization(sweep: xr.Dataset) -> xr.Dataset:
+    """The sweep with its polarization as an attribute where it has a coordinate of one value, as after ``sel``."""
+    if "polarization" not in sweep.coords or sweep["polarization"].ndim:
+        return sweep
+    name = str(sweep["polarization"].values)
+    return sweep.drop_vars("polarization").assign_attrs(polarization=sweep.attrs.get("polarization", name))
+
+
 def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Join sweeps that were measured with one polarization each into one sweep.
 
@@ -65,6 +73,7 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
     if not sweeps or not set(sweeps) <= set(POLARIZATIONS):
         raise InputError(f"sweeps: have the polarizations {', '.join(map(str, sweeps)) or 'none'}; {EXPECTED}")
     names = [name for name in POLARIZATIONS if name in sweeps]
+    sweeps = {name: with_own_polarization(one) if isinstance(one, xr.Dataset) else one for name, one in sweeps.items()}
     first = sweeps[names[0]]
     for name in names:
         sweep = sweeps[name]
