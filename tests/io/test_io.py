@@ -114,6 +114,15 @@ def test_a_file_from_elsewhere_with_s_is_a_sweep(sweep, tmp_path):
     xr.testing.assert_equal(mf.load(tmp_path / "foreign.nc"), sweep)
 
 
+def test_an_image_that_xarray_has_written_is_an_image(image, tmp_path):
+    """xarray keeps the kind as an attribute of the variable, where it was not looked for."""
+    for name, written in (("plain.nc", image), ("bare.nc", image.drop_attrs())):
+        written.rename("image").to_netcdf(tmp_path / name, engine="h5netcdf")
+        loaded = mf.load(tmp_path / name)
+        xr.testing.assert_equal(loaded, image)
+        assert {key: loaded.attrs[key] for key in written.attrs} == pytest.approx(dict(written.attrs))
+
+
 @pytest.mark.slow
 def test_the_data_that_is_shared_is_read(shared_data):
     sweep = mf.load(shared_data / "two_walls_fullwave.nc")
@@ -140,7 +149,7 @@ def test_what_is_no_netcdf_file_is_refused(tmp_path):
 
 def test_what_is_none_of_ours_is_refused(tmp_path):
     xr.Dataset({"t": ("x", [1.0])}).to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
-    refused(tmp_path / "t.nc", r"holds the variables \['t'\], expected a sweep, a")
+    refused(tmp_path / "t.nc", r"holds the variables \['t'\], expected a sweep, an image or")
     xr.Dataset(attrs={"mirrorfold_kind": "cake"}).to_netcdf(tmp_path / "cake.nc", engine="h5netcdf")
     refused(tmp_path / "cake.nc", "mirrorfold_kind is 'cake'")
     xr.Dataset(attrs={"mirrorfold_kind": "image"}).to_netcdf(tmp_path / "image.nc", engine="h5netcdf")

@@ -27,9 +27,6 @@ from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
 from mirrorfold.sweep import check_sweep
 
-KINDS = ("sweep", "image", "reconstruction")
-"""Values of ``mirrorfold_kind``."""
-
 GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
 """Variables of a sweep's file that suffice to plan its focusing."""
 
@@ -71,7 +68,9 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
         If the file is missing, damaged, or holds something else.
     """
     content = _content(path)
-    kind = content.attrs.get("mirrorfold_kind", "sweep" if "s" in content else None)
+    kind = content.attrs.get("mirrorfold_kind")
+    if kind is None:  # written by xarray's own `to_netcdf`, or by another tool
+        kind = "sweep" if "s" in content else "image" if "image" in content else None
     if kind == "sweep":
         return check_sweep(content.to_dataset(), source=str(path))
     if kind == "image":
@@ -83,7 +82,7 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
         if kind is not None
         else f"holds the variables {list(content.data_vars)}"
     )
-    raise InputError(f"{path}: {found}, expected a {', a '.join(KINDS[:-1])} or a {KINDS[-1]}; {REMEDY}")
+    raise InputError(f"{path}: {found}, expected a sweep, an image or a reconstruction; {REMEDY}")
 
 
 def read_geometry(path: Path) -> xr.Dataset:
