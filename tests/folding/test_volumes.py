@@ -281,6 +281,12 @@ def test_wrong_volumes_and_settings_are_refused():
         mf.fold(volume, mirrors=[[[0.0, 1.0], [0.5, 1.5]]])
     with pytest.raises(mf.InputError, match="not flat"):
         mf.fold(volume, mirrors=[[[0, 1, 0], [1, 1, 0], [1, 1, 1], [0, 2, 1]]])
+    for around in ({"center": [0, 0, 0], "radius": 1}, {"start": [0, 0, -1], "end": [0, 0, 1], "radius": 1}):
+        with pytest.raises(mf.InputError, match="mirror 0 is around the radar"):
+            mf.fold(volume, mirrors=[around])
+    assert (
+        "not in the radar's sight" in mf.fold(volume, mirrors=[{"center": [0, -2, 0], "radius": 0.5}]).attrs["remark"]
+    )
     with pytest.raises(mf.InputError, match="minimum_length is -1"):
         mf.fold(volume, minimum_length=-1.0)
     sweep = point_sweep((0.0, 1.2, 0.0))

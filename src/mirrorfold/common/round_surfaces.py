@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Mask
 
@@ -49,8 +49,8 @@ class RoundSurface:
         return np.asarray((points - self.middle) @ self.axis)
 
     def outward(self, points: Array) -> Array:
-        """Unit normals (..., 3) of the surface at the places nearest to points (..., 3)."""
-        return unit(self.across(points - self.middle))
+        """Unit normals (..., 3) of the surface at the places nearest to points (..., 3); zero in the middle."""
+        return unit_or_zero(self.across(points - self.middle))
 
     def beside(self, points: Array) -> Array:
         """Distance [m] of points (..., 3) from the surface, positive outside."""

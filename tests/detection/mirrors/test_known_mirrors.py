@@ -255,6 +255,18 @@ def test_corners_may_go_round_either_way_from_any_of_them():
         assert np.array_equal(check_mirrors([turned]), [turned])
 
 
+def test_a_mirror_that_stands_there_twice_is_noticed_in_every_order():
+    """Planes and cylinders were only noticed if their points came in the same order."""
+    corners = np.array([[0.0, 2.0, 0.0], [1.0, 1.5, 0.0], [1.0, 1.5, 1.0], [0.0, 2.0, 1.0]])
+    for again in (np.roll(corners, 1, axis=0), np.roll(corners[::-1], 2, axis=0)):
+        with pytest.raises(mf.InputError, match="mirror 1 is mirror 0 once more"):
+            check_mirrors([corners, again])
+    cylinder = {"start": [0, 2, -1], "end": [0, 2, 1], "radius": 0.2}
+    with pytest.raises(mf.InputError, match="mirror 1 is mirror 0 once more"):
+        check_mirrors([cylinder, {"start": [0, 2, 1], "end": [0, 2, -1], "radius": 0.2}])
+    assert len(check_mirrors([cylinder, cylinder | {"radius": 0.3}])) == 2
+
+
 def test_wrong_settings_are_refused(view):
     with pytest.raises(mf.InputError, match="generations is -1"):
         mf.fold(view, generations=-1)

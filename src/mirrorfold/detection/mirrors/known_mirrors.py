@@ -88,8 +88,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     seen: dict[bytes, int] = {}
     for number, points in enumerate(places):
         mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
-        ends = (points + 0.0).tobytes(), (points[::-1] + 0.0).tobytes()  # in either direction; 0.0 for -0.0
-        if (first := seen.setdefault(min(ends), number)) != number:
+        if (first := seen.setdefault(min(one.tobytes() for one in _alike(points + 0.0)), number)) != number:  # no -0.0
             raise InputError(f"{mirror} is mirror {first} once more, and nothing is seen by way of both; leave it out")
         wrong = unplaced(points[:3] if is_round(points) else points)
         if wrong is not None:
@@ -109,6 +108,14 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         if not flat and not _goes_around(points):
             raise InputError(f"{mirror} has no convex outline; give its corners in their order around the face")
     return places
+
+
+def _alike(points: Array) -> list[Array]:
+    """The points of a mirror in every order that describes the same mirror."""
+    if is_round(points):
+        return [points, points[[1, 0, 2, 3]]]
+    turns = range(4) if len(points) == 4 else (0,)
+    return [np.roll(points, turn, axis=0)[::step] for turn in turns for step in (1, -1)]
 
 
 def _goes_around(corners: Array) -> bool:
@@ -220,7 +227,7 @@ def known_mirrors(places: Array, echoes: Echoes, view: View) -> list[Mirror]:
                 f"mirrors: mirror {number} is {size:.3g} m long in an image that reaches {reach:.3g} m; give metres"
             )
     if isinstance(view, VolumeView):
-        shapes: list[Mirror] = [_in_space(points, view) for points in places]
+        shapes: list[Mirror] = [_in_space(points, view, number) for number, points in enumerate(places)]
     else:
         shapes = _seen([_line_or_arc(points, view) for points in places])
     mirrors: list[Mirror] = []
@@ -251,14 +258,17 @@ def _line_or_arc(points: Array, view: View) -> LineMirror | ArcMirror:
     return ArcMirror(middle=arc.center, radius=arc.radius, first=first, span=abs(arc.turn), radar=view.radar)
 
 
-def _in_space(points: Array, view: VolumeView) -> PlaneMirror | RoundMirror:
-    """The plane, cylinder or sphere of a given mirror (4, 3), in the form of `check_mirrors`."""
+def _in_space(points: Array, view: VolumeView, number: int) -> PlaneMirror | RoundMirror:
+    """The plane, cylinder or sphere of given mirror `number`, (4, 3), in the form of `check_mirrors`."""
     if not is_round(points):
         return _plane(points, view)
     start, end, radius = points[0], points[1], float(points[2, 0])
     axis = end - start
     length = float(np.linalg.norm(axis))
     shape = RoundSurface(0.5 * (start + end), axis / length if length else axis, radius)
+    if shape.beside(view.radar) <= 0.0:
+        what = "around the radar or straight above or below it, expected a face that is seen from outside"
+        raise InputError(f"mirrors: mirror {number} is {what}")
     range_ = shape.met(view.radar, view.sight)
     met = view.radar + range_[:, None] * view.sight
     with np.errstate(invalid="ignore"):
