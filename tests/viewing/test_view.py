@@ -37,6 +37,16 @@ def file(view, tmp_path):
     return path
 
 
+@pytest.fixture(scope="module")
+def running(view, tmp_path_factory):
+    """A page for requests that must change nothing; its file stands alone in a folder within a folder."""
+    folder = tmp_path_factory.mktemp("running") / "folder"
+    folder.mkdir()
+    mf.save(view, folder / "image.nc")
+    with served(folder / "image.nc") as server:
+        yield server
+
+
 def call(server, path, body=None, **headers):
     """Status and JSON of a request."""
     data = None if body is None else body if isinstance(body, bytes) else json.dumps(body).encode()
@@ -159,49 +169,39 @@ def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"])
-def test_a_name_leads_to_no_other_place(file, name):
+def test_a_name_leads_to_no_other_place(running, name):
     def files() -> dict[Path, tuple[int, int]]:
-        found = ((path, path.stat()) for path in file.parent.parent.rglob("*") if path.is_file())
+        found = ((path, path.stat()) for path in running.session.path.parent.parent.rglob("*") if path.is_file())
         return {path: (stat.st_size, stat.st_mtime_ns) for path, stat in found}
 
     before = files()
-    with served(file) as server:
-        status, answer = call(server, "/api/save", {"name": name})
+    assert len(before) == 1
+    status, answer = call(running, "/api/save", {"name": name})
     assert status == 400
     assert answer["message"]
     assert files() == before
 
 
-@pytest.mark.slow
-def test_only_this_machine_may_look(file):
-    with served(file) as server:
-        port = server.server_port
-        assert server.server_address[0] == "127.0.0.1"
-        for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
-            assert call(server, "/api/state", Host=host)[0] == 200
-        for host in (
-            "evil.example",
-            f"evil.example:{port}",
-            "127.0.0.1",
-            f"127.0.0.1.evil.example:{port}",
-            "127.0.0.1:1",
-        ):
-            assert call(server, "/api/state", Host=host)[0] == 403
-            assert call(server, "/api/fold", {}, Host=host)[0] == 403
-        assert call(server, "/api/state", Origin="http://evil.example")[0] == 403
-        assert call(server, "/api/fold", {}, **{TOKEN_HEADER: "wrong"})[0] == 403
-        assert call(server, "/api/save", {"name": "x.nc"}, **{TOKEN_HEADER: ""})[0] == 403
-    assert not (file.parent / "x.nc").exists()
+def test_only_this_machine_may_look(running):
+    port = running.server_port
+    assert running.server_address[0] == "127.0.0.1"
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"):
+        assert call(running, "/api/state", Host=host)[0] == 200
+    for host in ("evil.example", f"evil.example:{port}", "127.0.0.1", f"127.0.0.1.evil.example:{port}", "127.0.0.1:1"):
+        assert call(running, "/api/state", Host=host)[0] == 403
+        assert call(running, "/api/fold", {}, Host=host)[0] == 403
+    assert call(running, "/api/state", Origin="http://evil.example")[0] == 403
+    assert call(running, "/api/fold", {}, **{TOKEN_HEADER: "wrong"})[0] == 403
+    assert call(running, "/api/save", {"name": "x.nc"}, **{TOKEN_HEADER: ""})[0] == 403
+    assert not (running.session.path.parent / "x.nc").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", ["/../../etc/passwd", "/etc/passwd", "/image.nc", "/%2e%2e/image.nc", "/api/", "//image.nc"]
 )
-def test_no_address_leads_to_a_file(file, path):
-    with served(file) as server:
-        assert call(server, path)[0] == 404
-        assert call(server, path, {})[0] == 404
+def test_no_address_leads_to_a_file(running, path):
+    assert call(running, path)[0] == 404
+    assert call(running, path, {})[0] == 404
 
 
 @pytest.mark.slow
@@ -221,12 +221,11 @@ def test_no_address_leads_to_a_file(file, path):
         ({"mirrors": [[[0, 1], [0, 1e400]]]}, 400, "not finite"),
     ],
 )
-def test_a_wrong_request_is_answered_and_forgotten(file, body, status, words):
-    with served(file) as server:
-        found, answer = call(server, "/api/fold", body)
-        assert found == status
-        assert words in answer["message"]
-        assert call(server, "/api/fold", {})[0] == 200
+def test_a_wrong_request_is_answered_and_forgotten(running, body, status, words):
+    found, answer = call(running, "/api/fold", body)
+    assert found == status
+    assert words in answer["message"]
+    assert call(running, "/api/fold", {})[0] == 200
 
 
 def test_pieces_belong_to_the_line_they_lie_on():
