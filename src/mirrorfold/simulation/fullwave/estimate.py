@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -83,6 +84,7 @@ def estimate(system: System, frequencies: int) -> Estimate:
     )
 
 
+@cache  # half a second of measurement, which every small sweep of a script would pay anew
 def _speed() -> tuple[float, float]:
     """Measured speed of one core: values of the kernel per second, and floating-point operations of LU per second."""
     generator = np.random.default_rng(0)
