@@ -65,6 +65,7 @@ class Axis:
         self.tolerance = tolerance
         self._length = float(np.ptp(position))
         self._made: dict[int, Interpolator] = {}
+        self._counts: dict[int, int] = {}
 
     def step(self, band: float) -> int:
         """Exponent of BAND_STEP to which a band [rad/m] is rounded up; bands of one step share an interpolator."""
@@ -73,8 +74,10 @@ class Axis:
 
     def count(self, step: int) -> int:
         """Number of samples that the interpolator of a step will have, predicted."""
-        area = BAND_STEP**step if self._length > 0.0 else 0.0
-        return int(min(self.position.size, np.ceil(dimensions(area, self.tolerance))))
+        if step not in self._counts:
+            area = BAND_STEP**step if self._length > 0.0 else 0.0
+            self._counts[step] = int(min(self.position.size, np.ceil(dimensions(area, self.tolerance))))
+        return self._counts[step]
 
     def work(self, step: int) -> float:
         """Number of multiplications for making the interpolator of a step, predicted."""

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise, permutations, product
+from itertools import pairwise, permutations
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from mirrorfold.common.threads import counted, for_each, one_thread
 from mirrorfold.common.types import Array, Index, Progress
 from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.fast.bandlimited import Axis, Interpolator
+from mirrorfold.focusing.fast.sides import Side, middle_of
 from mirrorfold.focusing.predicting.cost import CALL, Cost, exact_cells, exact_cost, exact_seconds
 from mirrorfold.focusing.predicting.machine import machine
 from mirrorfold.focusing.problem import Problem, UnsuitedError
@@ -95,7 +97,7 @@ class Block:
     @property
     def size(self) -> int:
         """Predicted number of samples in all."""
-        return int(np.prod(self.counts))
+        return prod(self.counts)
 
     @property
     def samples(self) -> tuple[Interpolator, ...]:
@@ -116,7 +118,7 @@ class Block:
 
 
 class Slab:
-    """Pixels at similar distances, with the division of the array that images them, laid out in milliseconds.
+    """Pixels at similar distances, with the division of the array that images them.
 
     Attributes
     ----------
@@ -134,12 +136,13 @@ class Slab:
         self._coincident = problem.coincident
         self._least = FINEST_PART * exact_cost(problem, problem.pixels, SHARE_EXACT * tolerance).frame
         self.axes = tuple(Axis(a, SHARE_AXIS * tolerance) for a in (problem.z, problem.y, problem.x))
-        near = np.stack([_middle(problem.tx), _middle(problem.rx)])
+        near = np.stack([middle_of(problem.tx), middle_of(problem.rx)])
         few = [
             np.unique([*np.linspace(a[0], a[-1], SPREAD_ANGLES), *np.clip(near[:, n], a.min(), a.max())])
             for n, a in enumerate((problem.x, problem.y, problem.z))
         ]
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
+        self._sides: dict[tuple[bool, bytes], Side] = {}
         self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
         turned = 0.5 * problem.pixels * self._speed.turn  # paths over two centres; merging takes four
         last = _work(self.whole.counts, problem.shape) * self._speed.multiply + turned
@@ -157,8 +160,9 @@ class Slab:
     def _undivided(self, tx: Index, rx: Index) -> Block:
         """A block of some antennas, with all its pairs summed exactly."""
         problem = self.problem
-        centre = np.stack([_middle(problem.tx[tx]), _middle(problem.rx[rx])])
-        band = self._band(problem.tx[tx], problem.rx[rx], centre)
+        sides = self._side(tx, of_rx=False), self._side(rx, of_rx=not problem.monostatic)
+        centre = np.stack([side.centre for side in sides])
+        band = self._band(*sides)
         steps = tuple(axis.step(b) for axis, b in zip(self.axes, band[::-1], strict=True))
         block = Block(tx, rx, centre, self.axes, steps, (), 0.0)
         same = not problem.monostatic and self._coincident and np.array_equal(tx, rx)
@@ -171,7 +175,7 @@ class Slab:
         single = block.tx.size * (1 if self.problem.monostatic else block.rx.size) == 1
         if single or block.cost < max(CALLS_TO_DIVIDE * CALL, self._least):
             return block
-        parts = tuple(self._undivided(*part) for part in _halves(self.problem, block.tx, block.rx))
+        parts = tuple(self._undivided(*part) for part in self._halves(block.tx, block.rx))
         merge = block.size * self._speed.turn + CALL
         both = sum(merge + self._speed.multiply * _work(part.counts, block.counts) for part in parts)
         if both + sum(part.cost for part in parts) > DIVISION_SLACK * block.cost:
@@ -180,17 +184,28 @@ class Slab:
         cost = both + sum(part.cost for part in parts)
         return replace(block, parts=parts, cost=cost) if cost < block.cost else block
 
-    def _band(self, tx: Array, rx: Array, centre: Array) -> Array:
+    def _halves(self, tx: Index, rx: Index) -> list[tuple[Index, Index]]:
+        """The antennas in two parts: of transmitters and receivers, the ones that extend farther are halved."""
+        of_tx = self._side(tx, of_rx=False)
+        if self.problem.monostatic:
+            return [(half, half) for half in of_tx.halves]
+        of_rx = self._side(rx, of_rx=True)
+        if rx.size > 1 and (tx.size == 1 or of_rx.extent > of_tx.extent):
+            return [(tx, half) for half in of_rx.halves]
+        return [(half, rx) for half in of_tx.halves]
+
+    def _side(self, which: Index, *, of_rx: bool) -> Side:
+        """Some transmitters, or receivers; the same ones are in many blocks."""
+        key = of_rx, which.tobytes()
+        if key not in self._sides:
+            self._sides[key] = Side.of(self.problem.rx if of_rx else self.problem.tx, which, self._pixels)
+        return self._sides[key]
+
+    def _band(self, tx: Side, rx: Side) -> Array:
         """Largest spatial frequency [rad/m] along (x, y, z) of the image by some antennas, less the centre's phase."""
         k = self.problem.k
-        central = self.problem.middle_wavenumber * sum(_towards(c[None], self._pixels)[0] for c in centre)
-        if self.problem.monostatic:
-            sight = 2.0 * _towards(_outermost(tx), self._pixels)
-            low, high = sight.min(axis=0), sight.max(axis=0)
-        else:
-            sides = [_towards(_outermost(a), self._pixels) for a in (tx, rx)]
-            low = sum(side.min(axis=0) for side in sides)
-            high = sum(side.max(axis=0) for side in sides)
+        central = self.problem.middle_wavenumber * (tx.from_centre + rx.from_centre)
+        low, high = tx.low + rx.low, tx.high + rx.high
         ends = [np.abs(wavenumber * side - central) for wavenumber in (k[0], k[-1]) for side in (low, high)]
         return np.asarray(BAND_MARGIN * np.max(ends, axis=(0, 1)))
 
@@ -318,37 +333,6 @@ def _slabs(problem: Problem) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(cuts)]
 
 
-def _middle(antennas: Array) -> Array:
-    """Middle (3,) of the box around antennas (n, 3)."""
-    return np.asarray(0.5 * (antennas.min(axis=0) + antennas.max(axis=0)))
-
-
-def _outermost(antennas: Array) -> Array:
-    """The antennas (n, 3) [m] that stand farthest out in each of 26 directions, at most 26."""
-    if len(antennas) <= 26:
-        return antennas
-    directions = np.array([d for d in product((-1, 0, 1), repeat=3) if any(d)])
-    return antennas[np.unique(np.argmax(antennas @ directions.T, axis=0))]
-
-
-def _towards(antennas: Array, pixels: Array) -> Array:
-    """Unit vectors (n, m, 3) from antennas (n, 3) to pixels (m, 3)."""
-    offset = pixels[None] - antennas[:, None]
-    return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-12))
-
-
-def _halves(problem: Problem, tx: Index, rx: Index) -> list[tuple[Index, Index]]:
-    """The antennas in two parts: of transmitters and receivers, the ones that extend farther are halved."""
-    extent = [np.ptp(problem.tx[tx], axis=0), np.ptp(problem.rx[rx], axis=0)]
-    of_rx = not problem.monostatic and (rx.size > 1) and (tx.size == 1 or extent[1].max() > extent[0].max())
-    which, position = (rx, problem.rx) if of_rx else (tx, problem.tx)
-    order = which[np.argsort(position[which, int(np.argmax(extent[int(of_rx)]))], kind="stable")]
-    halves = [np.sort(order[: order.size // 2]), np.sort(order[order.size // 2 :])]
-    if problem.monostatic:
-        return [(half, half) for half in halves]
-    return [(tx, half) if of_rx else (half, rx) for half in halves]
-
-
 def _data(problem: Problem, s: NDArray[np.complex64], block: Block) -> NDArray[np.complex64]:
     """The samples of a block's pairs."""
     return s[:, block.tx] if problem.monostatic else s[:, block.tx[:, None], block.rx[None, :]]
@@ -364,7 +348,7 @@ def _work_in(few, many, order) -> float:  # type: ignore[no-untyped-def]
     sizes, work = [int(n) for n in few], 0.0
     for axis in order:
         if few[axis] != many[axis]:
-            work += float(2.0 * np.prod(sizes) * many[axis])
+            work += 2.0 * prod(sizes) * many[axis]
             sizes[axis] = int(many[axis])
     return work
 
