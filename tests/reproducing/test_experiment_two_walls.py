@@ -1,15 +1,20 @@
-"""Two walls: ghosts of walls and of objects where geometrical optics has them, and folding generation by generation."""
+"""Two walls: ghosts of walls and of objects where geometrical optics has them, and folding generation by generation.
+
+The tree of the same scenes, in the published notation, is compared with the images of the true walls.
+"""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 
-import mirrorfold as mf
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import mirror_lines
 from mirrorfold.reproducing import EXPERIMENTS, Work
+from mirrorfold.reproducing.experiments.tree import notation
 from mirrorfold.reproducing.parts.ghosts import ghosts_of, image_in, walls_of
 from mirrorfold.reproducing.parts.steps import folded_down_to, partial_folds
 from mirrorfold.reproducing.parts.walls import THINNED_RADAR, at_lower_band, facing_walls, hidden_walls
@@ -19,14 +24,38 @@ pytestmark = pytest.mark.slow
 CASES = "hidden_rays", "hidden_fullwave", "facing_rays"
 
 
-@pytest.fixture(scope="module")
-def found():
-    return EXPERIMENTS["two-walls"].run(Work(quick=True))
+class Once(Work):
+    """Both experiments reconstruct the same scenes by rays: each is simulated and folded once."""
+
+    def __init__(self):
+        super().__init__(quick=True)
+        self.made = {}
+
+    def reconstruction(self, scene, **settings):
+        wanted = repr((scene, settings))
+        if wanted not in self.made:
+            self.made[wanted] = super().reconstruction(scene, **settings)
+        return self.made[wanted]
 
 
 @pytest.fixture(scope="module")
-def folded():
-    return mf.reconstruct(mf.simulate(at_lower_band(facing_walls(), *THINNED_RADAR)))
+def work():
+    return Once()
+
+
+@pytest.fixture(scope="module")
+def found(work):
+    return EXPERIMENTS["two-walls"].run(work)
+
+
+@pytest.fixture(scope="module")
+def trees(work):
+    return EXPERIMENTS["tree"].run(work)
+
+
+@pytest.fixture(scope="module")
+def folded(work):
+    return work.reconstruction(at_lower_band(facing_walls(), *THINNED_RADAR), solver="rays")
 
 
 def test_the_published_observations_are_made_again(found):
@@ -132,3 +161,40 @@ def test_the_picture_before_any_fold_is_the_image_at_its_points(folded):
     kept = drawn.values > 0.0
     assert 0.01 < kept.mean() < 0.5
     np.testing.assert_allclose(drawn.values[kept], initial.values[kept], rtol=1e-4)
+
+
+def test_every_wall_has_a_node_for_each_way_by_which_it_is_seen(trees):
+    assert [claim.verdict for claim in trees.claims] == ["agrees"] * 3
+    for name, nodes, deepest in (("facing", 5, 3), ("hidden", 2, 1)):
+        assert trees.numbers[f"{name}_nodes"] == trees.numbers[f"{name}_expected"] == nodes
+        assert trees.numbers[f"{name}_missing"] == trees.numbers[f"{name}_unexpected"] == 0
+        assert trees.numbers[f"{name}_deepest"] == deepest
+        assert trees.numbers[f"{name}_angle_error_deg"] < 0.15
+        assert trees.numbers[f"{name}_offset_error_m"] < 0.1 * trees.numbers[f"{name}_range_cell_m"]
+        echoes, right = (trees.numbers[f"{name}_object_echoes{which}"] for which in ("", "_in_place"))
+        assert echoes >= 25
+        assert right >= 0.95 * echoes
+
+
+def test_the_tree_is_in_the_published_notation(trees):
+    """Page, data and table hold the same tree."""
+    tree = json.loads(trees.data["facing"].attrs["json"])
+    assert json.dumps(tree) in trees.text[1]
+    named = {}
+
+    def walk(node, name):
+        named[name] = node
+        for number, below in enumerate(node["mirror"], 1):
+            walk(below, f"{name}.mirror({number})")
+
+    walk(tree, "tree")
+    rows = {row[0]: row for row in trees.tables[0].rows}
+    assert set(rows) == set(named)
+    assert len(rows) == 6
+    for name, node in named.items():
+        assert rows[name][6] == str(node["object"])
+        assert rows[name][2] == str(name.count("mirror"))
+        assert ("line" in node) == (name != "tree")
+    deep = next(name for name, row in rows.items() if row[2] == "3")
+    assert rows[deep][3] == "left wall in right wall in left wall"
+    assert notation("1/0/0") == "tree.mirror(2).mirror(1).mirror(1)"

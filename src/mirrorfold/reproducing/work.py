@@ -80,6 +80,10 @@ class Work:
                 temporary.with_suffix(".nc").rename(temporary)
         return found
 
+    def reconstruction(self, scene: Scene | Scene3D, **settings: Any) -> xr.DataTree:
+        """The reconstruction from the `sweep` of a scene, by `mirrorfold.reconstruct` as it is."""
+        return mf.reconstruct(self.sweep(scene, **settings))
+
     def kept(self, compute: Callable[[], T]) -> T:
         """The result of a function, computed, or as it was stored before.
 

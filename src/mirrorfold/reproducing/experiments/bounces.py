@@ -16,6 +16,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.describing.planning import Instrument, Plan
 from mirrorfold.focusing.grid import default_grid
 from mirrorfold.folding.confident import confident_points
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings
 from mirrorfold.reproducing.parts.bounces_pages import (
     accuracies,
@@ -75,11 +76,12 @@ def run(work: Work) -> Findings:
     counts = (1, 3) if work.quick else tuple(range(1, MOST + 1))
     seeds = work.size(10, 1)
     rows: list[Row] = []
+    plans = {(material, power): _plan(material, power) for material, powers in cases.items() for power in powers}
     total = len(cases) * len(counts) * seeds
     for number, ((material, powers), count, seed) in enumerate(product(cases.items(), counts, range(seeds))):
-        rows += work.kept(partial(_judge, count, seed, material, powers))
+        near = {power: plans[material, power].link_budget[0].sample_snr_db or 0.0 for power in powers}
+        rows += work.kept(partial(_judge, count, seed, material, near))
         work.step(number + 1, total)
-    plans = {(material, power): _plan(material, power) for material, powers in cases.items() for power in powers}
     for row in rows:
         row["plan_snr_db"] = plans[row["material"], row["power_dbm"]].link_budget[row["bounces"]].snr_db
     deep = work.size(MOST, 2)
@@ -155,7 +157,8 @@ def _folded(sweep: xr.Dataset, scene: Scene, thresholds: Sequence[float]) -> lis
     """Reconstructions from a part of the default grid, one for each threshold [dB]."""
     x, y = default_grid(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
     image = mf.focus(sweep, x=x[np.abs(x) <= SIDE], y=y)
-    return [mf.fold(image, sweep=sweep, threshold_db=threshold) for threshold in thresholds]
+    plan = FoldPlan(image, sweep=sweep)
+    return [plan.fold(threshold_db=threshold) for threshold in thresholds]
 
 
 def _picture(reconstruction: xr.DataTree, scene: Scene) -> Figure:
@@ -165,15 +168,17 @@ def _picture(reconstruction: xr.DataTree, scene: Scene) -> Figure:
     return figure
 
 
-def _judge(bounces: int, seed: int, material: str, powers: tuple[float, ...]) -> list[Row]:
-    """Simulate a corridor, add noise for each power, and score the folded target for each power and threshold."""
+def _judge(bounces: int, seed: int, material: str, snr_db: dict[float, float]) -> list[Row]:
+    """Simulate a corridor, add noise for each power, and score the folded target for each power and threshold.
+
+    `snr_db` is the signal over noise of a sample for a target in line of sight at `NEAR` [dB], by power.
+    """
     scene = corridor(bounces, seed, material)
     sweep = mf.simulate(scene, bounces=bounces, seed=seed)
     signal = float((np.abs(mf.simulate(alone(scene, NEAR), bounces=0, seed=seed)["s"].values) ** 2).mean())
     distance = way(scene, bounces)
     rows = []
-    for power in powers:
-        at_near = _plan(material, power).link_budget[0].sample_snr_db or 0.0
+    for power, at_near in snr_db.items():
         noise = signal * 10.0 ** (-0.1 * at_near) * (distance / NEAR) ** 2
         level = 10.0 * np.log10(float((np.abs(sweep["s"].values) ** 2).mean()) / noise)
         noisy = mf.sweep.add_noise(sweep, snr_db=float(level), seed=seed)

@@ -20,6 +20,7 @@ import mirrorfold as mf
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.hall import ELEMENTS, PITCH, RADIUS, START, STOP
 from mirrorfold.reproducing.parts.point_image import PointImage
@@ -66,17 +67,18 @@ def run(work: Work) -> Findings:
     )
     data["level_db"] = data["level_db"] - data["level_db"].sel(radius=np.inf)  # relative to a flat mirror in its place
     data["level_db"].attrs["units"] = "dB"
-    scene_scores = []
+    scene_scores, example = [], dict[str, xr.DataTree]()
     for number, seed in enumerate(seeds):
         scene: Any = draw("pillar", seed)
         sweep = work.sweep(scene, solver="rays", seed=seed)
-        scene_scores.append(work.kept(partial(_hidden_scores, scene, sweep)))
+        scored = partial(_hidden_scores, scene, sweep, example)
+        scene_scores.append(scored() if work.quick else work.kept(scored))  # a quick run shows a scene that is scored
         work.step(len(radii) + number + 1, total)
     for name in scene_scores[0]:
         data[name] = "scene", [one[name] for one in scene_scores], {"units": "1"}
     data["scene"] = "scene", list(seeds), {"long_name": "seed of the family"}
     shown: Any = scene if work.quick else shipped_plan("pillar")
-    folded = mf.reconstruct(sweep if work.quick else work.sweep(shown))
+    folded = example["curved"] if work.quick else mf.reconstruct(work.sweep(shown))
     work.step(total, total)
     numbers = _numbers(data)
     return Findings(
@@ -233,13 +235,16 @@ def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
     return float(seen), float(shown)
 
 
-def _hidden_scores(scene: Scene, sweep: xr.Dataset) -> dict[str, float]:
-    """Hidden F-scores of reconstructions from the sweep alone, with and without a search for curved mirrors."""
-    image = mf.focus(sweep, tolerance=1e-3)
+def _hidden_scores(scene: Scene, sweep: xr.Dataset, example: dict[str, xr.DataTree]) -> dict[str, float]:
+    """Hidden F-scores of reconstructions from the sweep alone, with and without a search for curved mirrors.
+
+    The reconstructions are put into `example`.
+    """
+    plan = FoldPlan(mf.focus(sweep, tolerance=1e-3), sweep=sweep)
     pillar: Any = next(surface for surface in scene.surface if surface.name == "pillar")
     found = {}
     for name, curved in (("curved", True), ("flat", False)):
-        folded = mf.fold(image, sweep=sweep, curved=curved)
+        folded = example[name] = plan.fold(curved=curved)
         found[f"{name}_f_cells"] = float(mf.score(folded, scene).hidden.f_score_cells or 0.0)
         if curved:
             bend = np.asarray(folded["mirrors"].dataset.get("curvature", np.zeros(1)))

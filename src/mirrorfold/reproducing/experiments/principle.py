@@ -44,7 +44,7 @@ def run(work: Work) -> Findings:
     """Fold a scene with one wall, then one with two: where the ghosts stand, and where they are folded to."""
     figures, rows, numbers, parts = {}, [], {}, {}
     for number, walls in enumerate(({"right": RIGHT}, {"right": RIGHT, "left": LEFT}), 1):
-        scene = _scene(walls, points=work.size(401, 301))
+        scene = _scene(walls, elements=work.size(161, 121), points=work.size(401, 281))
         reconstruction = mf.reconstruct(work.sweep(scene))
         work.step(number, 2)
         points = confident_points(reconstruction)
@@ -78,8 +78,8 @@ def run(work: Work) -> Findings:
     )
 
 
-def _scene(walls: dict[str, tuple[tuple[float, float], tuple[float, float]]], *, points: int) -> Scene:
-    """The floor plan of walls, by their ends [m], and the post, with the published array."""
+def _scene(walls: dict[str, tuple[tuple[float, float], tuple[float, float]]], *, elements: int, points: int) -> Scene:
+    """The floor plan of walls, by their ends [m], and the post, with the published array or a part of it."""
     pieces = [
         {"name": name, "kind": "segment", "start": list(start), "end": list(end), "roughness": WALL_ROUGHNESS}
         for name, (start, end) in walls.items()
@@ -88,7 +88,7 @@ def _scene(walls: dict[str, tuple[tuple[float, float], tuple[float, float]]], *,
     return plan_scene(
         {
             "name": "one wall" if len(walls) == 1 else "two walls",
-            "array": {"elements": 161, "pitch": 0.5e-3},
+            "array": {"elements": elements, "pitch": 0.5e-3},
             "band": {"start": 290e9, "stop": 300e9, "points": points},
             "surface": [*pieces, post],
         }

@@ -50,7 +50,7 @@ CLOSE = 0.05
 
 def run(work: Work) -> Findings:
     """Image points at random places between two mirrors at random angles, by way of none to three mirrors."""
-    draws, elements = work.size(16, 3), work.size(ELEMENTS, 101)
+    draws, elements = work.size(16, 2), work.size(ELEMENTS, 101)
     found: list[list[dict[str, float]]] = []
     shown: list[tuple[Array, Array]] = []
     for seed in range(draws):

@@ -99,7 +99,7 @@ def run(work: Work) -> Findings:
     """Time all steps for every size of image, several times each."""
     scene = work.size(hidden_walls(), replace(hidden_walls(), array=QUICK_ARRAY, band=QUICK_BAND))
     sweep = work.sweep(scene)
-    sizes, repeats = PIXELS[work.quick], work.size(9, 2)
+    sizes, repeats = PIXELS[work.quick], work.size(9, 1)
     timed = []
     for number, shape in enumerate(sizes, 1):
         found = work.kept(lambda: _time(sweep, shape, repeats))  # noqa: B023

@@ -76,15 +76,17 @@ def run(work: Work) -> Findings:
     if work.quick:
         radar = replace(radar, array=radar.array | {"elements": 61}, band=radar.band | {"points": 241})
     total, rows = len(seeds) * len(noises) + 1, []
+    example: dict[str, xr.DataTree] = {}
     for number, seed in enumerate(seeds):
         scene: Any = draw(FAMILY, seed, radar=radar)
         sweep = work.sweep(scene, solver="rays", seed=seed, bounces=2)
         for level, snr in enumerate(noises):
             methods = tuple(METHODS) if snr == SNR_DB else ("one", "two")
-            rows += work.kept(partial(_judged, scene, sweep, seed, snr, methods))
+            judged = partial(_judged, scene, sweep, seed, snr, methods, example)
+            rows += judged() if work.quick else work.kept(judged)  # a quick run shows the reconstruction itself
             work.step(number * len(noises) + level + 1, total)
     shown: Any = scene if work.quick else shipped_plan("glass-door")
-    folded = mf.reconstruct(sweep, **GRID) if work.quick else mf.reconstruct(work.sweep(shown, snr_db=SNR_DB))
+    folded = example["two"] if work.quick else mf.reconstruct(work.sweep(shown, snr_db=SNR_DB))
     work.step(total, total)
     numbers = _numbers(rows, noises)
     return Findings(
@@ -125,8 +127,10 @@ def run(work: Work) -> Findings:
     )  # fmt: skip
 
 
-def _judged(scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Sequence[str]) -> list[dict[str, Any]]:
-    """Scores and decisions of every method on one scene at one SNR [dB]."""
+def _judged(
+    scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Sequence[str], example: dict[str, xr.DataTree]
+) -> list[dict[str, Any]]:
+    """Scores and decisions of every method on one scene at one SNR [dB]; reconstructions are put into `example`."""
     noisy = mf.add_noise(sweep, snr_db=snr, seed=seed)
     images = mf.focus(noisy, tolerance=1e-3, **GRID)
     rows = []
@@ -135,6 +139,7 @@ def _judged(scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Seq
         if method == "one":
             image, own = image.sel(polarization="TE", drop=True), own.sel(polarization="TE", drop=True)
         found = OWN[method if method in OWN else "ours"](image, own)
+        example[method] = found
         score = mf.score(found, scene)
         decisions = behind(confident_points(found), scene)
         row: dict[str, Any] = {

@@ -80,7 +80,7 @@ def run(work: Work) -> Findings:
     }
     trees = []
     for name, scene in scenes.items():
-        trees.append(_grown(name, scene, mf.reconstruct(work.sweep(scene))))
+        trees.append(_grown(name, scene, work.reconstruction(scene, solver="rays")))
         work.step(len(trees), len(scenes))
     figures, data, numbers = {}, {}, dict[str, Number]()
     for tree in trees:

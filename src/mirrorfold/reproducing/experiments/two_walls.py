@@ -154,7 +154,7 @@ def _sizes(work: Work) -> tuple[str, ...]:
 def _case(name: str, solver: str, scene: Scene, work: Work) -> Case:
     """Simulate and fold a scene, and compare the mirrors and ghosts that are found with geometrical optics."""
     settings = {} if solver == "rays" else {"tolerance": work.size(1e-3, 1e-2)}
-    reconstruction = mf.reconstruct(work.sweep(scene, solver=solver, **settings))
+    reconstruction = work.reconstruction(scene, solver=solver, **settings)
     aperture = float(np.ptp(scene.array.tx_position[:, 0]))
     band = scene.band
     wavelength = 2.0 * speed_of_light / (band.start + band.stop)
