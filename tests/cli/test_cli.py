@@ -290,6 +290,7 @@ def test_an_image_without_any_mirror_is_unfolded_with_a_remark(folder, capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("remembered_rays")
 def test_the_demonstration(folder, capsys):
     score = parsed(capsys, "demo", "--out", "shown")
     check("demo", json.dumps(score))

@@ -161,6 +161,7 @@ def test_the_conda_recipe_asks_for_the_same_packages():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("remembered_rays")
 def test_the_steps_can_be_called_one_by_one_as_the_page_on_architecture_says(capsys):
     page = (ROOT / "docs/development/architecture.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page.split("## Using one step alone")[1].split("\n## ")[0], re.DOTALL)

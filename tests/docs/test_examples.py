@@ -133,6 +133,7 @@ def test_every_example_is_looked_at():
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("remembered_rays")
 @pytest.mark.parametrize("name", FINDINGS)
 def test_example(name, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("MIRRORFOLD_DATA", raising=False)
