@@ -7,6 +7,7 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.scenes.families import draw
 from mirrorfold.scenes.families.raster_studs import SCANNER
 from mirrorfold.tree.half_transparent.panes import Pairs, find_pane
@@ -48,7 +49,8 @@ def seen():
 @pytest.mark.slow
 def test_a_board_shows_what_is_before_it_and_lets_what_is_behind_be_seen(seen):
     scene, image = seen
-    found = mf.fold(image)
+    plan = FoldPlan(image)
+    found = plan.fold()
     score, points = mf.score(found, scene), found["objects"].to_dataset(inherit=False)
     through = points["wall"].values != ""
     assert through.any()
@@ -58,7 +60,7 @@ def test_a_board_shows_what_is_before_it_and_lets_what_is_behind_be_seen(seen):
     assert (points["decided"].values[through] == "polarization").all()
     assert (points["bounces"].values[through] == 0).all()
     assert score.hidden.f_score_cells >= 0.9
-    assert score.hidden.f_score_cells > mf.score(mf.fold(image, transparent=False), scene).hidden.f_score_cells
+    assert score.hidden.f_score_cells > mf.score(plan.fold(transparent=False), scene).hidden.f_score_cells
     mirrors = found["mirrors"].to_dataset()
     assert np.isfinite(mirrors["thickness"].values).sum() == 1  # the board's, and not the steel's
 

@@ -17,6 +17,7 @@ from mirrorfold.detection import find_echoes, see
 from mirrorfold.detection.mirrors.mirror import ChainFold
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.round_sheets import find_round_sheets, fitted
+from mirrorfold.reconstruction import FoldPlan
 
 pytestmark = pytest.mark.slow
 
@@ -43,16 +44,21 @@ def shown(request):
 
 
 @pytest.fixture(scope="module")
-def folded(shown):
-    return mf.fold(shown[2])
+def plan(shown):
+    return FoldPlan(shown[2])
 
 
-def test_what_only_a_round_mirror_shows_is_folded_to_its_place(shown, folded):
-    _, world, volume = shown
+@pytest.fixture(scope="module")
+def folded(plan):
+    return plan.fold()
+
+
+def test_what_only_a_round_mirror_shows_is_folded_to_its_place(shown, plan, folded):
+    _, world, _ = shown
     hidden = mf.score(folded, world).hidden
     assert hidden.f_score_cells > 0.9
     assert hidden.accuracy_m < 0.04
-    without = mf.score(mf.fold(volume, curved=False), world).hidden
+    without = mf.score(plan.fold(curved=False), world).hidden
     assert without.f_score_cells == 0.0
 
 
@@ -98,13 +104,13 @@ def test_the_result_survives_its_file_and_is_drawn(shown, folded, tmp_path):
     assert main(["report", str(tmp_path / "r.nc"), "-o", str(tmp_path / "r.html")]) == 0
 
 
-def test_given_by_its_measures_it_shows_the_same(shown, folded, tmp_path):
-    name, world, volume = shown
+def test_given_by_its_measures_it_shows_the_same(shown, plan, folded, tmp_path):
+    name, world, _ = shown
     surface = world.surface[0]
     own = {"center": surface.center} if name == "ball" else {"start": surface.start, "end": surface.end}
     path = tmp_path / "mirrors.json"
     path.write_text(json.dumps({"mirrors": [{**own, "radius": RADIUS}]}))
-    given = mf.fold(volume, mirrors=path)
+    given = plan.fold(mirrors=path)
     assert mf.score(given, world).hidden.f_score_cells > 0.9
     tables = [r.children["objects"].to_dataset(inherit=False) for r in (given, folded)]
     seen, found = (table.isel(point=table["bounces"].values > 0) for table in tables)
@@ -136,9 +142,10 @@ def test_wrong_measures_are_told_in_one_sentence(mirror, said, tmp_path):
     ids=["rough pillar", "ball that shows nothing", "plane"],
 )
 def test_nothing_else_becomes_a_round_mirror(surfaces):
-    folded = mf.fold(volume_of(world_of(*surfaces)))
+    plan = FoldPlan(volume_of(world_of(*surfaces)))
+    folded = plan.fold()
     assert "curvature" not in folded["mirrors"].dataset
-    flat = mf.fold(volume_of(world_of(*surfaces)), curved=False)
+    flat = plan.fold(curved=False)
     assert_allclose(folded["objects"].dataset["x"], flat["objects"].dataset["x"])
 
 

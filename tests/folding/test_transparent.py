@@ -11,6 +11,7 @@ import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.detection.search import lines
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.scoring.transparent import NEEDED
 from mirrorfold.tree import short_rows
 from mirrorfold.tree.half_transparent import transparent
@@ -29,13 +30,18 @@ def seen():
 
 
 @pytest.fixture(scope="module")
-def folded(seen):
+def plan(seen):
     _, sweep, image = seen
-    return mf.fold(image, sweep=sweep)
+    return FoldPlan(image, sweep=sweep)
 
 
-def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen, folded):
-    scene, sweep, image = seen
+@pytest.fixture(scope="module")
+def folded(plan):
+    return plan.fold()
+
+
+def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen, plan, folded):
+    scene = seen[0]
     score = mf.score(folded, scene)
     assert score.sides_right >= 0.95
     points = folded["objects"].to_dataset(inherit=False)
@@ -54,7 +60,7 @@ def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen, folded):
     assert (points["bounces"].values[through] == 0).all()
     assert (points["passed"].values[through] > 0.5).all()
     # Opaque, the door shows the arc where nothing stands.
-    opaque = mf.score(mf.fold(image, sweep=sweep, transparent=False), scene)
+    opaque = mf.score(plan.fold(transparent=False), scene)
     assert score.hidden.precision_cells >= opaque.hidden.precision_cells + 0.1
     assert score.hidden.f_score_cells >= 0.85
 
@@ -79,10 +85,10 @@ def test_files_keep_it_and_one_polarization_decides_nothing(seen, folded, tmp_pa
     assert "thickness" not in one["mirrors"]
 
 
-def test_where_metal_would_serve_as_well_all_is_left_open(seen, monkeypatch):
-    scene, sweep, image = seen
+def test_where_metal_would_serve_as_well_all_is_left_open(seen, plan, monkeypatch):
+    scene = seen[0]
     monkeypatch.setattr(transparent, "AGAINST_METAL", np.inf)
-    found = mf.fold(image, sweep=sweep, min_confidence=0.0)
+    found = plan.fold(min_confidence=0.0)
     points = found["objects"].to_dataset(inherit=False)
     asked = np.isfinite(points["passed"].values)
     assert asked.sum() > 20

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -89,7 +91,8 @@ def test_rough_objects_that_scatter_polarizations_unlike_are_decided_by_their_ne
     passed = np.arange(12) >= 6
     pairs = echoes(passed, angle)
     pane = find_pane(pairs)
-    pairs.tm[9] *= 0.2  # of one echo that passed TM is weaker by 14 dB, nearly as if it were reflected
+    weaker = np.where(np.arange(12)[:, None] == 9, 0.2, 1.0)
+    pairs = replace(pairs, tm=weaker * pairs.tm)  # of one echo that passed by 14 dB, nearly as if it were reflected
     odds, neither = pairs.log_odds(pane)
     assert odds[9] < 0.0
     np.testing.assert_array_equal(np.flatnonzero(neither), [9])

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +64,31 @@ BATCH = 50
 """Number of walls that are tried at once: so few that their spectra stay in a cache of a megabyte."""
 
 
+class Products(NamedTuple):
+    """What the misfits of echoes in two polarizations are made of, for any wall.
+
+    Attributes
+    ----------
+    te, tm : (n, m) arrays
+        Powers.
+    mixed : (n, m) complex array
+        TM times the conjugate of TE.
+    total : (n,) array
+        Power over all frequencies, of both.
+    """
+
+    te: Array
+    tm: Array
+    mixed: Spectra
+    total: Array
+
+    @classmethod
+    def of(cls, te: Spectra, tm: Spectra) -> Products:
+        """Of the spectra (n, m) of echoes."""
+        power_te, power_tm = power_of(te), power_of(tm)
+        return cls(power_te, power_tm, np.conj(te) * tm, np.asarray(np.sum(power_te + power_tm, axis=-1)))
+
+
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """Echoes behind a wall in both polarizations.
@@ -104,8 +131,13 @@ class Pairs:
         """Misfits of reflection and of transmission, (w, n) each, at walls of permittivity and thickness [m], (w,)."""
         walls = permittivity[:, None, None], thickness[:, None, None]
         te, tm = both_polarizations(*walls, self.wavenumber, self.angle[:, None])
-        reflected, passed = (parallel_misfit(self.te, self.tm, a**2, b**2) for a, b in zip(te, tm, strict=True))
+        reflected, passed = (parallel_misfit(self.products, a**2, b**2) for a, b in zip(te, tm, strict=True))
         return reflected, passed
+
+    @cached_property
+    def products(self) -> Products:
+        """Of both polarizations of every echo."""
+        return Products.of(self.te, self.tm)
 
     def log_likelihood(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of a `misfit`, up to a constant."""
@@ -177,15 +209,15 @@ def power_of(values: Spectra) -> Array:
     return np.asarray(values.real**2 + values.imag**2)
 
 
-def parallel_misfit(echo_te: Spectra, echo_tm: Spectra, te: Spectra, tm: Spectra) -> Array:
+def parallel_misfit(echo: Products, te: Spectra, tm: Spectra) -> Array:
     """Share of the power of echoes (n, m) that is not parallel to the pairs (te, tm) of walls, (w, n, m): (w, n)."""
-    wall_te, wall_tm, echo_power_te, echo_power_tm = map(power_of, (te, tm, echo_te, echo_tm))
+    wall_te, wall_tm = power_of(te), power_of(tm)
     scale = 1.0 / np.maximum(wall_te + wall_tm, np.finfo(float).tiny)
     over_frequency = "...nm,nm->...n"
-    left = np.einsum(over_frequency, wall_tm * scale, echo_power_te)
-    left += np.einsum(over_frequency, wall_te * scale, echo_power_tm)
-    left -= 2.0 * np.abs(np.einsum(over_frequency, np.conj(tm) * te * scale, np.conj(echo_te) * echo_tm))
-    return np.asarray(left / np.sum(echo_power_te + echo_power_tm, axis=-1))
+    left = np.einsum(over_frequency, wall_tm * scale, echo.te)
+    left += np.einsum(over_frequency, wall_te * scale, echo.tm)
+    left -= 2.0 * np.abs(np.einsum(over_frequency, np.conj(tm) * te * scale, echo.mixed))
+    return np.asarray(left / echo.total)
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,7 @@ class Glints:
         glint = _averaged(misfit, noise, 2.0 * independent - 2.5, 2.5)
         spread = UNLIKE[:, None, None, None]
         glint += np.logaddexp.reduce(np.log(0.5 * LEVELS / spread**2) - 0.5 * unlike / spread**2) - np.log(UNLIKE.size)
-        ratio = parallel_misfit(self.pairs.te, self.pairs.tm, *waves)
+        ratio = parallel_misfit(self.pairs.products, *waves)
         rough = _averaged(ratio, noise, independent - 0.5, independent + 0.5)
         return np.asarray(np.logaddexp(glint, rough) - np.log(2.0))
 
@@ -167,18 +167,35 @@ class Glints:
         """Share of the power that a glint at the best delay does not explain; and the square of the logarithm of the
         ratio of its amplitudes in TE and TM, up to a sign, (kinds, w, n) each.
         """
-        law, turn = self._trials(powers)
-        power, spectra = power_of(waves) @ law, np.stack([self.te, self.tm])
+        if powers not in self._all_trials:
+            self._all_trials[powers] = self._trials(powers)
+        law, turn = self._all_trials[powers]
+        power = power_of(waves) @ law
         # The spectra, times the taper once more, against the waves of glints.
-        sent = (spectra[:, None, None] * self.taper * np.conj(waves)) @ turn
+        sent = (self._tapered * np.conj(waves)) @ turn
         sent = sent.reshape(*power.shape, DELAYS.size)
         explained = np.sum(power_of(sent) / power[..., None], axis=0)
         best = explained.reshape(*explained.shape[:-2], -1).argmax(axis=-1)
         level_te, level_tm = _entries(sent.reshape(2, *best.shape, -1), best) / _entries(power, best // DELAYS.size)
         difference = np.log(level_te / level_tm)
         phase = difference.imag - np.pi * np.round(difference.imag / np.pi)
-        misfit = 1.0 - _peak(explained) / np.sum(power_of(self.te) + power_of(self.tm), axis=-1)
+        misfit = 1.0 - _peak(explained) / self._power
         return np.clip(misfit, 0.0, 1.0), difference.real**2 + phase**2
+
+    @cached_property
+    def _tapered(self) -> Spectra:
+        """The spectra times the taper once more, (2, 1, 1, n, m)."""
+        return np.asarray(np.stack([self.te, self.tm])[:, None, None] * self.taper)
+
+    @cached_property
+    def _power(self) -> Array:
+        """Power of whole echoes over all frequencies, in both polarizations, (n,)."""
+        return np.asarray(np.sum(power_of(self.te) + power_of(self.tm), axis=-1))
+
+    @cached_property
+    def _all_trials(self) -> dict[tuple[float, ...], tuple[Array, Spectra]]:
+        """The `_trials` that were made, by their powers."""
+        return {}
 
     def _trials(self, powers: tuple[float, ...]) -> tuple[Array, Spectra]:
         """Powers of frequency, squared and tapered, (m, powers); and waves with these amplitudes at all delays,
