@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ from mirrorfold.scenes.arrays import Band
 
 TILE = 256
 """Number of paths that are taken through a block of frequencies at a time: their phasors fit the first-level cache."""
+
+
+FEW = 50_000
+"""So many steps of phasors take a tenth of a millisecond, less than sharing them among the cores would take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +99,11 @@ class Paths:
 
     def proceed(self, field: NDArray[np.complex64]) -> None:
         """Add the phasors to the fields (frequencies, n, points), and step to the frequency after these."""
-        in_shares(_proceed, field.shape[1], self.start, self.point, self.phasor, self.turn, self.bend, field)
+        step = partial(_proceed, self.start, self.point, self.phasor, self.turn, self.bend, field)
+        if self.point.size * len(field) < FEW:
+            step(0, field.shape[1])
+        else:
+            in_shares(step, field.shape[1])
 
     def renumbered(self, points: NDArray[np.int32]) -> Paths:
         """The paths to some of the points only; these points, given in rising order, become columns 0, 1, 2 ..."""
