@@ -28,7 +28,8 @@ def test_each_experiment_has_a_module_and_a_test(name):
     experiment = EXPERIMENTS[name]
     module = import_module(f"{PACKAGE}.{experiment.module}")
     assert list(inspect.signature(module.run).parameters) == ["work"]
-    assert (HERE / f"test_experiment_{experiment.module}.py").is_file()
+    tests = "\n".join(path.read_text(encoding="utf-8") for path in HERE.glob("test_experiment_*.py"))
+    assert f'EXPERIMENTS["{name}"].run(' in tests or f"{experiment.module}.run(Work(quick=True))" in tests
     assert experiment.purpose.endswith(".")
     assert experiment.extra in ("", *NEEDS)
     assert experiment.digest(quick=True) != experiment.digest(quick=False)
