@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mirrorfold as mf
+from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.half_transparent.guessed import GUESS, UNDECIDED
 
 pytestmark = pytest.mark.slow
@@ -26,16 +27,26 @@ RADAR = {
 GRID = {"x": np.arange(-0.6, 1.4, 0.006), "y": np.arange(0.5, 3.3, 0.006)}
 
 
-def folded(*surfaces, **settings):
+def measured(*surfaces):
+    """What a scene of these surfaces is folded from."""
     scene = mf.parse_scene(RADAR | {"surface": list(surfaces)})
     sweep = mf.simulate(scene, bounces=1, snr_db=20.0)
-    return mf.fold(mf.focus(sweep, tolerance=1e-3, **GRID), sweep=sweep, **settings)["objects"].to_dataset()
+    return FoldPlan(mf.focus(sweep, tolerance=1e-3, **GRID), sweep=sweep)
+
+
+def folded(*surfaces):
+    return measured(*surfaces).fold()["objects"].to_dataset()
 
 
 @pytest.fixture(scope="module")
-def points():
+def whole():
     """An arc behind the door that a mirror behind both shows, too, and before it a disc seen directly and in it."""
-    return folded(DOOR, ARC, CEILING, DISC)
+    return measured(DOOR, ARC, CEILING, DISC)
+
+
+@pytest.fixture(scope="module")
+def points(whole):
+    return whole.fold()["objects"].to_dataset()
 
 
 def test_what_another_mirror_shows_behind_the_wall_is_guessed_to_have_passed(points):
@@ -64,9 +75,9 @@ def test_what_the_radar_sees_nowhere_else_is_taken_for_reflected():
     assert "passed" not in folded(DOOR, ARC)
 
 
-def test_a_wall_that_shows_nothing_impossible_stays_a_mirror():
+def test_a_wall_that_shows_nothing_impossible_stays_a_mirror(whole):
     metal = {name: value for name, value in DOOR.items() if name not in ("material", "thickness")}
     points = folded(metal, DISC)
     assert (points["bounces"] == 1).any()
     assert "passed" not in points
-    assert "passed" not in folded(DOOR, ARC, CEILING, DISC, transparent=False)
+    assert "passed" not in whole.fold(transparent=False)["objects"].to_dataset()
