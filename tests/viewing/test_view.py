@@ -182,6 +182,7 @@ def test_a_name_leads_to_no_other_place(running, name):
     assert files() == before
 
 
+@pytest.mark.slow
 def test_only_this_machine_may_look(running):
     port = running.server_port
     assert running.server_address[0] == "127.0.0.1"
@@ -196,6 +197,7 @@ def test_only_this_machine_may_look(running):
     assert not (running.session.path.parent / "x.nc").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", ["/../../etc/passwd", "/etc/passwd", "/image.nc", "/%2e%2e/image.nc", "/api/", "//image.nc"]
 )
