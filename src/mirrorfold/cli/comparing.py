@@ -11,7 +11,6 @@ from mirrorfold.cli.study_tables import show_comparison
 from mirrorfold.cli.terminal import show_result
 from mirrorfold.cli.writing import output_file
 from mirrorfold.errors import printable
-from mirrorfold.folding.frames import frame_count
 from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
 
@@ -32,6 +31,7 @@ def compare(
     json
         Print the comparison as one JSON object.
     """
+    from mirrorfold.folding.frames import frame_count
     from mirrorfold.io.files import written_atomically
 
     if output is not None:
