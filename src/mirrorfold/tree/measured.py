@@ -10,9 +10,8 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView
-from mirrorfold.tree.explaining.corners import are_corners
 from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
-from mirrorfold.tree.explaining.misplaced import Known, confocal, misplaced
+from mirrorfold.tree.explaining.misplaced import Known, are_corners, confocal, misplaced
 from mirrorfold.tree.ordering import Order
 
 
@@ -32,7 +31,7 @@ class Measured:
         Share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that came back the way
         it went, (n,); see `directions.confocal_share`.
     corners : callable, optional
-        Which places (n, 2) [m] of the image show right-angled corners, (n,); see `corners.are_corners`.
+        Which places (n, 2) [m] of the image show right-angled corners, (n,); see `misplaced.are_corners`.
     """
 
     explain: Callable[[Echoes], Names] | None = None
@@ -60,7 +59,7 @@ def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
             explain=partial(misplaced, sweep=sweep, view=view, known=tested),
             overhangs=partial(half_shadows, sweep=sweep, known=ends),
             confocal_share=partial(confocal, sweep=sweep, view=view, known=tested),
-            corners=partial(are_corners, sweep, view),
+            corners=partial(are_corners, sweep=sweep, view=view, known=tested),
         )
 
     return measure

@@ -77,10 +77,9 @@ def _behind(part: ArcMirror) -> tuple[float, float]:
 
     A line of sight that meets the circle at the angle b, with the angle of incidence i, leaves it at ``b + pi - 2 i``.
     """
-    last, first = (
-        angle + np.pi - 2.0 * _incidence(part, angle) for angle in (part.first, part.first + part.span)
-    )  # fmt: skip
-    return float(first), float(last)
+    first, last = part.first, part.first + part.span
+    left = [angle + np.pi - 2.0 * _incidence(part, angle) for angle in (last, first)]
+    return left[0], left[1]
 
 
 def _incidence(part: ArcMirror, angle: float) -> float:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 
 import mirrorfold as mf
 from mirrorfold.common.types import Array
@@ -25,6 +24,7 @@ from mirrorfold.reproducing.parts.bounces_pages import (
     found_by_bounces,
     found_by_snr,
     result_table,
+    wide_picture,
 )
 from mirrorfold.reproducing.parts.frequency_pages import mean_error
 from mirrorfold.reproducing.parts.zigzag import (
@@ -93,7 +93,7 @@ def run(work: Work) -> Findings:
         numbers=numbers,
         figures={
             "example": (
-                _picture(reconstruction, example),
+                wide_picture(reconstruction, example),
                 f"A corridor of {deep} bounces without noise: all images stand one behind the other; folded, "
                 "the target is where it is.",
             ),
@@ -156,16 +156,8 @@ def _plan(material: str, power_dbm: float) -> Plan:
 def _folded(sweep: xr.Dataset, scene: Scene, thresholds: Sequence[float]) -> list[xr.DataTree]:
     """Reconstructions from a part of the default grid, one for each threshold [dB]."""
     x, y = default_grid(scene.band.frequency, scene.array.tx_position, scene.array.rx_position)
-    image = mf.focus(sweep, x=x[np.abs(x) <= SIDE], y=y)
-    plan = FoldPlan(image, sweep=sweep)
+    plan = FoldPlan(mf.focus(sweep, x=x[np.abs(x) <= SIDE], y=y), sweep=sweep)
     return [plan.fold(threshold_db=threshold) for threshold in thresholds]
-
-
-def _picture(reconstruction: xr.DataTree, scene: Scene) -> Figure:
-    """The image before and after folding, wide enough for the legend of five generations."""
-    figure = mf.plot.before_after(reconstruction, scene)
-    figure.set_size_inches(11.0, 7.5)
-    return figure
 
 
 def _judge(bounces: int, seed: int, material: str, snr_db: dict[float, float]) -> list[Row]:

@@ -8,7 +8,6 @@ the sweep alone, and whether what it shows is folded to its true place.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,25 +66,28 @@ def run(work: Work) -> Findings:
     )
     data["level_db"] = data["level_db"] - data["level_db"].sel(radius=np.inf)  # relative to a flat mirror in its place
     data["level_db"].attrs["units"] = "dB"
-    scene_scores, example = [], dict[str, xr.DataTree]()
+    scene_scores = []
     for number, seed in enumerate(seeds):
         scene: Any = draw("pillar", seed)
         sweep = work.sweep(scene, solver="rays", seed=seed)
-        scored = partial(_hidden_scores, scene, sweep, example)
-        scene_scores.append(scored() if work.quick else work.kept(scored))  # a quick run shows a scene that is scored
+        if work.quick:  # which shows a scene that is scored
+            folded = _folded(sweep)
+            scene_scores.append(_hidden_scores(scene, folded))
+        else:
+            scene_scores.append(work.kept(lambda: _hidden_scores(scene, _folded(sweep))))  # noqa: B023
         work.step(len(radii) + number + 1, total)
     for name in scene_scores[0]:
         data[name] = "scene", [one[name] for one in scene_scores], {"units": "1"}
     data["scene"] = "scene", list(seeds), {"long_name": "seed of the family"}
     shown: Any = scene if work.quick else shipped_plan("pillar")
-    folded = example["curved"] if work.quick else mf.reconstruct(work.sweep(shown))
+    example = folded["curved"] if work.quick else work.reconstruction(shown)
     work.step(total, total)
     numbers = _numbers(data)
     return Findings(
         claims=_claims(numbers, len(seeds)),
         numbers=numbers,
         figures={
-            "before-after": (mf.plot.before_after(folded, shown), "What a screen hides, the pillar shows, small. "
+            "before-after": (mf.plot.before_after(example, shown), "What a screen hides, the pillar shows, small. "
                              "Left the image, right what is folded by the arc that was found."),
             "view": (_view_figure(), f"What a pillar of radius {EXAMPLE:g} m shows of the room: rays from the array, "
                      "up to 80 degrees of incidence."),
@@ -235,21 +237,21 @@ def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
     return float(seen), float(shown)
 
 
-def _hidden_scores(scene: Scene, sweep: xr.Dataset, example: dict[str, xr.DataTree]) -> dict[str, float]:
-    """Hidden F-scores of reconstructions from the sweep alone, with and without a search for curved mirrors.
-
-    The reconstructions are put into `example`.
-    """
+def _folded(sweep: xr.Dataset) -> dict[str, xr.DataTree]:
+    """Reconstructions from the sweep alone, with and without a search for curved mirrors."""
     plan = FoldPlan(mf.focus(sweep, tolerance=1e-3), sweep=sweep)
+    return {name: plan.fold(curved=curved) for name, curved in (("curved", True), ("flat", False))}
+
+
+def _hidden_scores(scene: Scene, reconstructions: dict[str, xr.DataTree]) -> dict[str, float]:
+    """Hidden F-scores with and without curved mirrors, and the error of the pillar's curvature."""
     pillar: Any = next(surface for surface in scene.surface if surface.name == "pillar")
-    found = {}
-    for name, curved in (("curved", True), ("flat", False)):
-        folded = example[name] = plan.fold(curved=curved)
-        found[f"{name}_f_cells"] = float(mf.score(folded, scene).hidden.f_score_cells or 0.0)
-        if curved:
-            bend = np.asarray(folded["mirrors"].dataset.get("curvature", np.zeros(1)))
-            found["curvature_error"] = float(np.abs(bend * pillar.radius - 1.0).min())
-    return found
+    found = {
+        f"{name}_f_cells": float(mf.score(folded, scene).hidden.f_score_cells or 0.0)
+        for name, folded in reconstructions.items()
+    }
+    bend = np.asarray(reconstructions["curved"]["mirrors"].dataset.get("curvature", np.zeros(1)))
+    return {**found, "curvature_error": float(np.abs(bend * pillar.radius - 1.0).min())}
 
 
 def _unit(name: str) -> str:

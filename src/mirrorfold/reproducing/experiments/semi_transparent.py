@@ -76,24 +76,27 @@ def run(work: Work) -> Findings:
     if work.quick:
         radar = replace(radar, array=radar.array | {"elements": 61}, band=radar.band | {"points": 241})
     total, rows = len(seeds) * len(noises) + 1, []
-    example: dict[str, xr.DataTree] = {}
     for number, seed in enumerate(seeds):
         scene: Any = draw(FAMILY, seed, radar=radar)
         sweep = work.sweep(scene, solver="rays", seed=seed, bounces=2)
         for level, snr in enumerate(noises):
             methods = tuple(METHODS) if snr == SNR_DB else ("one", "two")
-            judged = partial(_judged, scene, sweep, seed, snr, methods, example)
-            rows += judged() if work.quick else work.kept(judged)  # a quick run shows the reconstruction itself
+            noisy = partial(mf.add_noise, sweep, snr_db=snr, seed=seed)
+            if work.quick:  # which shows a scene that is judged
+                folded = _folded(noisy(), methods)
+                rows += _judged(scene, *folded, seed, snr)
+            else:
+                rows += work.kept(lambda: _judged(scene, *_folded(noisy(), methods), seed, snr))  # noqa: B023
             work.step(number * len(noises) + level + 1, total)
     shown: Any = scene if work.quick else shipped_plan("glass-door")
-    folded = example["two"] if work.quick else mf.reconstruct(work.sweep(shown, snr_db=SNR_DB))
+    example = folded[1]["two"] if work.quick else work.reconstruction(shown, snr_db=SNR_DB)
     work.step(total, total)
     numbers = _numbers(rows, noises)
     return Findings(
         claims=_claims(numbers, len(seeds)),
         numbers=numbers,
         figures={
-            "before-after": (mf.plot.before_after(folded, shown), "Left the image, which holds both behind the "
+            "before-after": (mf.plot.before_after(example, shown), "Left the image, which holds both behind the "
                              "door: what it reflects and what stands behind it. Right: what it reflects is folded, "
                              "what passed stays, moved by what the pane delays and shifts."),
             "ratio": (_ratio_figure(rows), "Why two polarizations can tell: TM over TE of echoes that a wall "
@@ -127,19 +130,23 @@ def run(work: Work) -> Findings:
     )  # fmt: skip
 
 
-def _judged(
-    scene: Scene, sweep: xr.Dataset, seed: int, snr: float, methods: Sequence[str], example: dict[str, xr.DataTree]
-) -> list[dict[str, Any]]:
-    """Scores and decisions of every method on one scene at one SNR [dB]; reconstructions are put into `example`."""
-    noisy = mf.add_noise(sweep, snr_db=snr, seed=seed)
-    images = mf.focus(noisy, tolerance=1e-3, **GRID)
-    rows = []
+def _folded(sweep: xr.Dataset, methods: Sequence[str]) -> tuple[xr.DataArray, dict[str, xr.DataTree]]:
+    """The images of a sweep, and their reconstructions by method."""
+    images, found = mf.focus(sweep, tolerance=1e-3, **GRID), {}
     for method in methods:
-        image, own = images, noisy
+        image, own = images, sweep
         if method == "one":
             image, own = image.sel(polarization="TE", drop=True), own.sel(polarization="TE", drop=True)
-        found = OWN[method if method in OWN else "ours"](image, own)
-        example[method] = found
+        found[method] = OWN[method if method in OWN else "ours"](image, own)
+    return images, found
+
+
+def _judged(
+    scene: Scene, images: xr.DataArray, reconstructions: dict[str, xr.DataTree], seed: int, snr: float
+) -> list[dict[str, Any]]:
+    """Scores and decisions of every method on one scene at one SNR [dB]."""
+    rows = []
+    for method, found in reconstructions.items():
         score = mf.score(found, scene)
         decisions = behind(confident_points(found), scene)
         row: dict[str, Any] = {

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 
+import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS, bounce_label
 from mirrorfold.describing.planning import Plan
 from mirrorfold.reproducing.findings import Table
 from mirrorfold.reproducing.parts.frequency_pages import mean_error
+from mirrorfold.scenes.floor_plan import Scene
 
 Row = dict[str, Any]
 Plans = dict[tuple[str, float], Plan]
@@ -148,3 +151,10 @@ def _of(rows: Sequence[Row], material: str, power: float, threshold: float, boun
         row[name] for row in rows
         if (row["material"], row["power_dbm"], row["threshold_db"], row["bounces"]) == wanted
     ]  # fmt: skip
+
+
+def wide_picture(reconstruction: xr.DataTree, scene: Scene) -> Figure:
+    """The image before and after folding, wide enough for the legend of five generations."""
+    figure = mf.plot.before_after(reconstruction, scene)
+    figure.set_size_inches(11.0, 7.5)
+    return figure

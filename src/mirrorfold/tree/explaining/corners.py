@@ -14,17 +14,13 @@ from itertools import combinations
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView, Mirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, POINT
 from mirrorfold.sweep.pairs import pairs_of
 from mirrorfold.tree.explaining.waves import Waves, numbers_of_pairs
-
-LIKE_A_CORNER = 1.1
-"""Least coherence with waves from a corner, over those with waves from a point and from a face at the same place.
-Corners have ratios of 1.25 and more, other echoes of at most one."""
 
 DIRECTIONS = np.linspace(-1.5, 1.5, 13)
 """Directions around a crossing of two rows in which a corner is looked for, in resolution cells of the array."""
@@ -43,18 +39,16 @@ def vertices(mirrors: Sequence[Mirror]) -> Array:
     return np.array(found).reshape(-1, 2)
 
 
-def are_corners(sweep: xr.Dataset, view: ImageView, places: Array) -> Mask:
-    """Whether echoes at places (n, 2) [m] of the image are those of right-angled corners, (n,).
+def corner_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+    """How much better echoes at ranges [m] and u, (n,) each, fit waves from a corner than from a point or face, (n,).
 
-    False for all where there is a single transmitter or receiver: points, faces and corners then return the same wave.
+    At most one where there is a single transmitter or receiver: faces and corners then return the same wave.
     """
-    if not len(places):
-        return np.zeros(0, dtype=bool)
     pairs = pairs_of(sweep)
     chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[: numbers_of_pairs(*pairs.s.shape)[-1]]
-    waves, found = Waves(pairs, chosen, view), np.zeros(len(places), dtype=bool)
-    for i, (r, u) in enumerate(zip(*view.to_polar(places), strict=True)):
-        directions = np.clip(u + DIRECTIONS * waves.cell, -LARGEST_SINE, LARGEST_SINE)
-        fit = waves.fit(waves.around(float(r)), float(r), directions)
-        found[i] = fit[CORNER] > LIKE_A_CORNER * max(fit[POINT], fit[FACE])
-    return found
+    waves, ratio = Waves(pairs, chosen, view), np.zeros(range_.size)
+    for i, (r, sine) in enumerate(zip(range_.tolist(), u.tolist(), strict=True)):
+        directions = np.clip(sine + DIRECTIONS * waves.cell, -LARGEST_SINE, LARGEST_SINE)
+        fit = waves.fit(waves.around(r), r, directions)
+        ratio[i] = fit[CORNER] / max(fit[POINT], fit[FACE], np.finfo(float).tiny)
+    return ratio

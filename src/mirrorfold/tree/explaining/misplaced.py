@@ -12,9 +12,10 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from mirrorfold.common.types import Array, Names
+from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, View
 from mirrorfold.detection.echoes import strongest_of
+from mirrorfold.tree.explaining.corners import corner_ratio
 from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio, grating_lobe
 from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
@@ -33,6 +34,9 @@ LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came
 
 GHOST_CELLS = 0.5
 """Largest distance, in resolution cells, at which an echo is the same as a known ghost."""
+
+LIKE_A_CORNER = 1.1
+"""Least `corner_ratio` of a right-angled corner. Corners have ratios of 1.25 and more, other echoes of at most one."""
 
 Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
 Known = dict[tuple[Measure, float, float], float]
@@ -63,6 +67,13 @@ def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) 
 def confocal(position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:
     """`confocal_share` of echoes at positions (n, 2) [m] of the image, measured once in each resolution cell, (n,)."""
     return _once_a_cell(confocal_share, position, amplitude, sweep, view, known)
+
+
+def are_corners(position: Array, sweep: xr.Dataset, view: ImageView, known: Known) -> Mask:
+    """Whether places (n, 2) [m] of the image show right-angled corners, measured once in each resolution cell, (n,)."""
+    if not len(position):
+        return np.zeros(0, dtype=bool)
+    return _once_a_cell(corner_ratio, position, np.ones(len(position)), sweep, view, known) > LIKE_A_CORNER
 
 
 def known_confocal(position: Array, amplitude: Array, view: ImageView, places: Array, share: Array) -> Array:
