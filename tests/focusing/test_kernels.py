@@ -177,9 +177,8 @@ def test_interpolate(run, rng, taps, apart, planar):
     polar, image = noise((45, 40)), np.full((rows, 5), 2.0 + 1.0j, np.complex64)
     range_taps, direction_taps = single(rng, taps, 5), single(rng, 4, 5)
     runs = np.array([[row, 1, 4] for row in range(rows)])
-    interpolate = line_kernels.interpolator(taps)
-    run(interpolate, runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction,
-        line_first, turns, curvature, polar, range_taps, direction_taps, image)  # fmt: skip
+    pixels = x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns, curvature
+    run(line_kernels.interpolator(taps), runs, pixels, polar, (range_taps, direction_taps), image)
     wanted = np.full((rows, 5), 2.0 + 1.0j)
     for row in range(rows):
         for p in range(1, 4):

@@ -36,13 +36,13 @@ def test_spread_is_interpolate_transposed(run, rng, taps, apart, planar):
     foci = centre + apart * np.array([[-0.3, 0.2, 0.5], [1.0, -0.6, 0.2]])
     rows = 3 * z.size
     runs = np.array([[row, 1, 4] for row in range(rows)])
-    where = runs, x, y, z, centre, frame, foci, planar, 20.0, 4, 12.0, -20, 30.0, 1e-3
+    where = x, y, z, centre, frame, foci, planar, 20.0, 4, 12.0, -20, 30.0, 1e-3
     kernels = single(rng, taps, 5), single(rng, 4, 5)
     polar, pixels = noise((45, 40)), np.zeros((rows, 5), np.complex64)
-    run(line_kernels.interpolator(taps), *where, polar, *kernels, pixels)
+    run(line_kernels.interpolator(taps), runs, where, polar, kernels, pixels)
     image, back = noise((rows, 5), 1), np.zeros((45, 40), np.complex64)
     image[0, 2] = 0.0  # as most pixels of a sparse image
-    run(transposed_kernels.interpolate_transposed, *where, image, *kernels, back)
+    run(transposed_kernels.interpolate_transposed, runs, where, image, kernels, back)
     inside = np.zeros((rows, 5))
     inside[:, 1:4] = 1.0
     assert_transposed(image * inside, pixels, back, polar)

@@ -86,20 +86,34 @@ def combine(profile, value, row_first, out):  # type: ignore[no-untyped-def]
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
-def locate(  # type: ignore[no-untyped-def]
-    row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first,
-    turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
-):  # fmt: skip
-    """Of `size` pixels of a row: index of the first tap on the polar grid, fractions, exp(2j k_c (r + c (1-u^2) / r)).
+def room(taps):  # type: ignore[no-untyped-def]
+    """Arrays for what `locate` finds of a run of pixels: cell, part and phase (2, run), and weights for both `taps`."""
+    return (
+        np.empty(RUN, np.uint32),
+        np.empty((2, RUN), np.float32),
+        np.empty((2, RUN), np.float32),
+        np.empty((taps[0].shape[0], RUN), np.float32),
+        np.empty((taps[1].shape[0], RUN), np.float32),
+    )
 
-    `part_r` and `part_w` are the fractional positions between grid points, c is the `curvature`. The coordinates r, u
-    and w are those of `Lattice.polar`; where both foci are the centre, one distance gives them all.
+
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
+def locate(row, start, size, pixels, rows, taps, found):  # type: ignore[no-untyped-def]
+    """Of `size` pixels of a row: index of the first tap on the polar grid, weights, exp(2j k_c (r + c (1-u^2) / r)).
+
+    They are written to `found`, see `room`; its parts are the fractional positions between grid points. The `pixels`
+    are those of a `LineArraySector`, the polar grid has `rows` in range, and `taps` are the coefficients of the kernels
+    in range and in direction. The coordinates r, u and w are those of `Lattice.polar`; where both foci are the centre,
+    one distance gives them all.
     """
+    x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre, c = pixels
+    cell, part, phase, weight_r, weight_w = found
+    shift = (1 - taps[1].shape[0] // 2) * rows + 1 - taps[0].shape[0] // 2
     r, u, w = np.empty(size), np.empty(size), np.empty(size)
     apart = False
     for f in range(2):
-        for c in range(3):
-            apart = apart or foci[f, c] != centre[c]
+        for axis in range(3):
+            apart = apart or foci[f, axis] != centre[axis]
     py, pz = y[row % y.size], z[row // y.size]
     dy, dz = py - centre[1], pz - centre[2]
     across = dy * dy + dz * dz
@@ -125,11 +139,13 @@ def locate(  # type: ignore[no-untyped-def]
         a = r[p] * per_range - row_first
         b = w[p] * per_direction - line_first
         below_a, below_b = np.floor(a), np.floor(b)
-        part_r[p] = a - below_a
-        part_w[p] = b - below_b
+        part[0, p] = a - below_a
+        part[1, p] = b - below_b
         cell[p] = np.uint32(np.int32(below_b) * rows + np.int32(below_a) + shift)
-        turns = (r[p] + curvature * (1.0 - u[p] * u[p]) / r[p]) * turns_per_metre
-        phase_re[p], phase_im[p] = unit_phasor(turns)
+        turns = (r[p] + c * (1.0 - u[p] * u[p]) / r[p]) * turns_per_metre
+        phase[0, p], phase[1, p] = unit_phasor(turns)
+    kernel_weights(taps[0], part[0, :size], weight_r)
+    kernel_weights(taps[1], part[1, :size], weight_w)
 
 
 @lru_cache(maxsize=16)
@@ -137,34 +153,23 @@ def interpolator(taps_r: int):  # type: ignore[no-untyped-def]
     """The loop that interpolates with `taps_r` taps in range, a constant for the compiler, which doubles the speed."""
 
     @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
-    def interpolate(  # type: ignore[no-untyped-def]
-        runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
-        curvature, polar, range_coefficients, direction_coefficients, image,
-    ):  # fmt: skip
-        """image[p] += exp(2j k_c (r + curvature (1 - u^2) / r)) sum_ab w_b(w) w_a(r) polar[b, a].
+    def interpolate(runs, pixels, polar, taps, image):  # type: ignore[no-untyped-def]
+        """image[p] += exp(2j k_c (r + c (1 - u^2) / r)) sum_ab w_b(w) w_a(r) polar[b, a], see `locate`.
 
         The pixels come in runs (row, start, stop) along x.
         """
-        taps_w, rows = direction_coefficients.shape[0], polar.shape[1]
+        rows = polar.shape[1]
         flat = polar.reshape(-1).view(np.float32)
-        cell = np.empty(RUN, np.uint32)
-        part_r, part_w = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
-        weight_r, weight_w = np.empty((taps_r, RUN), np.float32), np.empty((taps_w, RUN), np.float32)
-        phase_re, phase_im = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
-        shift = (1 - taps_w // 2) * rows + 1 - taps_r // 2
+        found = room(taps)
+        cell, _, phase, weight_r, weight_w = found
         for n in range(runs.shape[0]):
             row = runs[n, 0]
             for start in range(runs[n, 1], runs[n, 2], RUN):
                 size = min(RUN, runs[n, 2] - start)
-                locate(
-                    row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction,
-                    line_first, turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
-                )  # fmt: skip
-                kernel_weights(range_coefficients, part_r[:size], weight_r)
-                kernel_weights(direction_coefficients, part_w[:size], weight_w)
+                locate(row, start, size, pixels, rows, taps, found)
                 for p in range(size):
                     re, im = np.float32(0.0), np.float32(0.0)
-                    for b in range(taps_w):
+                    for b in range(weight_w.shape[0]):
                         first = np.uint32(2) * (cell[p] + np.uint32(b * rows))
                         line_re, line_im = np.float32(0.0), np.float32(0.0)
                         for a in range(taps_r):
@@ -173,7 +178,7 @@ def interpolator(taps_r: int):  # type: ignore[no-untyped-def]
                         re += weight_w[b, p] * line_re
                         im += weight_w[b, p] * line_im
                     image[row, start + p] += complex(
-                        re * phase_re[p] - im * phase_im[p], re * phase_im[p] + im * phase_re[p]
+                        re * phase[0, p] - im * phase[1, p], re * phase[1, p] + im * phase[0, p]
                     )
 
     return interpolate

@@ -174,7 +174,7 @@ class LineArraySector:
 
         def to_pixels(first: int) -> None:
             runs = self.runs[first : first + RUNS_A_BLOCK]
-            kernels.interpolator(len(self.taps[0]))(runs, *self.pixels, polar, *self.taps, image)
+            kernels.interpolator(len(self.taps[0]))(runs, self.pixels, polar, self.taps, image)
 
         with self._beams.one() as beams, self._polar.one() as polar:
             for_each(to_directions, range(0, frequencies, self.block))

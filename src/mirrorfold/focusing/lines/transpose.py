@@ -41,7 +41,7 @@ def sector_samples(sector: LineArraySector, image: NDArray[np.complex64], s: NDA
 
     def from_pixels(part: tuple[int, tuple[int, int]]) -> None:
         number, (start, stop) = part
-        kernels.interpolate_transposed(sector.runs[start:stop], *sector.pixels, image, *sector.taps, grids[number])
+        kernels.interpolate_transposed(sector.runs[start:stop], sector.pixels, image, sector.taps, grids[number])
 
     for_each(from_pixels, enumerate(pairwise(edges)))
     polar = grids.sum(axis=0)

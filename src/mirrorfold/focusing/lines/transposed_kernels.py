@@ -5,47 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.kernels import njit
-from mirrorfold.focusing.lines.interpolation import kernel_weights
-from mirrorfold.focusing.lines.kernels import RUN, locate
+from mirrorfold.focusing.lines.kernels import RUN, locate, room
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
-def interpolate_transposed(  # type: ignore[no-untyped-def]
-    runs, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction, line_first, turns_per_metre,
-    curvature, image, range_coefficients, direction_coefficients, polar,
-):  # fmt: skip
-    """polar[b, a] += sum_p w_b(w) w_a(r) exp(-2j k_c (r + curvature (1 - u^2) / r)) image[p].
-
-    Transposes `interpolate`.
-    """
-    taps_r, taps_w = range_coefficients.shape[0], direction_coefficients.shape[0]
+def interpolate_transposed(runs, pixels, image, taps, polar):  # type: ignore[no-untyped-def]
+    """polar[b, a] += sum_p w_b(w) w_a(r) exp(-2j k_c (r + c (1 - u^2) / r)) image[p]: transposes `interpolate`."""
     rows = polar.shape[1]
     flat = polar.reshape(-1).view(np.float32)
-    cell = np.empty(RUN, np.uint32)
-    part_r, part_w = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
-    weight_r, weight_w = np.empty((taps_r, RUN), np.float32), np.empty((taps_w, RUN), np.float32)
-    phase_re, phase_im = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
-    shift = (1 - taps_w // 2) * rows + 1 - taps_r // 2
+    found = room(taps)
+    cell, _, phase, weight_r, weight_w = found
     for n in range(runs.shape[0]):
         row = runs[n, 0]
         for start in range(runs[n, 1], runs[n, 2], RUN):
             size = min(RUN, runs[n, 2] - start)
-            locate(
-                row, start, size, x, y, z, centre, frame, foci, planar, per_range, row_first, per_direction,
-                line_first, turns_per_metre, curvature, rows, shift, cell, part_r, part_w, phase_re, phase_im,
-            )  # fmt: skip
-            kernel_weights(range_coefficients, part_r[:size], weight_r)
-            kernel_weights(direction_coefficients, part_w[:size], weight_w)
+            locate(row, start, size, pixels, rows, taps, found)
             for p in range(size):
                 value = image[row, start + p]
-                re = value.real * phase_re[p] + value.imag * phase_im[p]
-                im = value.imag * phase_re[p] - value.real * phase_im[p]
+                re = value.real * phase[0, p] + value.imag * phase[1, p]
+                im = value.imag * phase[0, p] - value.real * phase[1, p]
                 if re == np.float32(0.0) and im == np.float32(0.0):
                     continue  # a sparse image is zero nearly everywhere
-                for b in range(taps_w):
+                for b in range(weight_w.shape[0]):
                     line_re, line_im = weight_w[b, p] * re, weight_w[b, p] * im
                     first = np.uint32(2) * (cell[p] + np.uint32(b * rows))
-                    for a in range(taps_r):
+                    for a in range(weight_r.shape[0]):
                         flat[first + np.uint32(2 * a)] += weight_r[a, p] * line_re
                         flat[first + np.uint32(2 * a + 1)] += weight_r[a, p] * line_im
 

@@ -235,12 +235,7 @@ def _pixels(coefficients: np.ndarray) -> float:
     x, y = np.linspace(-0.5, 0.5, 400), np.linspace(0.6, 1.4, 24)
     runs = np.stack([np.arange(24), np.zeros(24, int), np.full(24, 400)], axis=1).astype(np.int64)
     polar, image = np.ones((200, 900), np.complex64), np.zeros((24, 400), np.complex64)
-    centre, foci = np.zeros(3), np.zeros((2, 3))
+    grid = np.zeros(3), np.eye(3), np.zeros((2, 3)), False, 500.0, 10, 80.0, -100, 1e3, 1e-4
+    pixels, taps = (x, y, np.zeros(1), *grid), (coefficients, coefficients)
     interpolate = line_kernels.interpolator(len(coefficients))
-    return _seconds(
-        lambda: interpolate(
-            runs, x, y, np.zeros(1), centre, np.eye(3), foci, False, 500.0, 10, 80.0, -100, 1e3, 1e-4, polar,
-            coefficients, coefficients, image,
-        ),
-        image.size,
-    )  # fmt: skip
+    return _seconds(lambda: interpolate(runs, pixels, polar, taps, image), image.size)
