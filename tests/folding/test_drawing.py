@@ -86,7 +86,7 @@ def random_sight(view, random, axis):
     crossing = np.where(random.random((2, count)) < 0.8, np.sort(random.uniform(0.6, 2.6, (2, count)), axis=0), np.inf)
     crossing[1] = np.where(np.isfinite(crossing[0]), crossing[1], np.inf)
     crossing = crossing[:, pick]
-    cover = Cover(np.array([np.full(count, 1.8)]), random.uniform(0.0, 3.0, (1, count)))
+    cover = Cover(np.full((1, count), 1.8), np.full((1, count), np.inf), random.uniform(0.0, 3.0, (1, count)))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover, chain=((0,), (0, 0)),
                          open=random.uniform(0.0, 1.5, count))  # fmt: skip
     blobs = random.choice([UNSEEN, ROOT, 0, 1], (count, view.range.size), p=[0.1, 0.1, 0.4, 0.4]).astype(np.int16)

@@ -110,12 +110,13 @@ def test_a_point_is_seen_through_the_last_mirror_before_it(way):
 
 @pytest.mark.nojit
 @pytest.mark.parametrize("way", [hidden_at, plain(hidden_at)], ids=["compiled", "plain Python"])
-def test_the_last_object_before_a_point_covers_it(way):
+def test_the_brightest_object_whose_shadow_a_point_is_in_covers_it(way):
     begin = np.array([[1.0, 2.0], [1.5, np.inf], [np.inf, np.inf]])
+    until = np.array([[np.inf, np.inf], [3.0, np.inf], [np.inf, np.inf]])
     level = np.array([[0.2, 0.4], [0.3, 0.0], [0.0, 0.0]])
-    cases = {(0.9, 0): 0.0, (1.2, 0): 0.2, (9.0, 0): 0.3, (1.9, 1): 0.0, (2.1, 1): 0.4}
+    cases = {(0.9, 0): 0.0, (1.2, 0): 0.2, (2.9, 0): 0.3, (3.0, 0): 0.2, (1.9, 1): 0.0, (2.1, 1): 0.4}
     for (distance, direction), expected in cases.items():
-        assert way(begin, level, distance, direction) == expected
+        assert way(begin, until, level, distance, direction) == expected
 
 
 def test_these_are_the_loops_that_are_used():

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view, on_line
+from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, echoes_at, empty_view, on_line
 
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import OPAQUE_CELLS
@@ -21,6 +21,7 @@ from mirrorfold.tree.lines_of_sight import (
     LinesOfSight,
     hidden_at,
     images_of_radar,
+    shadow_ends,
     through_at,
 )
 
@@ -50,6 +51,42 @@ def test_an_object_hides_what_is_behind_it_unless_that_is_much_stronger(view):
         assert cover.clear(np.array([range_]), ahead, amplitude)[0] == clear
 
 
+def test_the_array_looks_around_an_object_that_is_narrower_than_half_of_it(view):
+    """The line from each antenna to a place behind the object is followed, and those that meet the object counted."""
+    seen = replace(view, wavelength=WAVELENGTH)
+    length, range_, wide = WAVELENGTH * view.aperture_tx, 0.3, 0.75 * U_CELL
+    for steps in (0, 3, 7):
+        half = range_ * steps * view.du  # half-width of the object [m]
+        side = np.linspace(-half, half, 2 * steps + 1)
+        places = np.column_stack([side, np.sqrt(range_**2 - side**2)])
+        end = shadow_ends(echoes_at(seen, places), seen)[0]
+        assert_array_equal(shadow_ends(echoes_at(view, places), view), np.inf)  # where the array is not known
+        antennas = np.linspace(-0.5, 0.5, 2001) * length
+        for beyond, hides_most in ((0.97 * end, True), (1.03 * end, False)):
+            passed = antennas * (1.0 - range_ / beyond)
+            assert (np.mean(np.abs(passed) < half + range_ * wide) > 0.5) == hides_most
+    broad = np.column_stack([np.linspace(-0.5 * length, 0.5 * length, 40), np.full(40, range_)])
+    assert_array_equal(shadow_ends(echoes_at(seen, broad), seen), np.inf)
+    assert_array_equal(shadow_ends(echoes_at(seen, [[0.0, 1.0]]), replace(seen, aperture_tx=0.0)), np.inf)
+
+
+def test_what_stands_in_the_shadow_of_another_object_stays_hidden(view):
+    """A post before a wide object: beyond the shadow of the post, the object alone hides, with its own level."""
+    seen = replace(view, wavelength=WAVELENGTH)
+    across = np.linspace(-0.1, 0.1, 60)
+    places = np.column_stack([np.append(0.1 * across, across), np.repeat([0.3, 1.0], 60)])
+    echoes = echoes_at(seen, places, np.repeat([5.0, 1.0], 60))
+    cover, ahead, end = Cover.of(echoes, seen), np.array([seen.column(0.0)]), shadow_ends(echoes, seen)
+    assert np.isinf(end[60:]).all()
+    assert 0.3 + DEPTH < end[0] < 0.99
+    for range_, hidden in (
+        (0.3, 0.0), (0.999 * end[0], 5.0 * LEVEL), (1.001 * end[0], 0.0), (0.99, 0.0), (1.1, LEVEL), (2.9, LEVEL),
+    ):  # fmt: skip
+        one = np.array([range_])
+        assert cover.clear(one, ahead, 1.01 * hidden + 1e-6)[0]
+        assert not cover.clear(one, ahead, 0.99 * hidden)[0]
+
+
 def test_an_object_hides_three_quarters_of_a_cell_to_either_side(view):
     cover = Cover.of(echoes_at(view, [0.0, 1.0]), view)
     hidden = ~cover.clear(np.full(view.u.size, 2.0), np.arange(view.u.size), 1.0)
@@ -74,7 +111,9 @@ def test_only_objects_that_are_stronger_than_all_before_them_count(view):
 def test_loops_and_arrays_agree_at_every_edge(view):
     """A point right on a mirror is seen before it; one right where an object ends is hidden, as is one no stronger."""
     crossing = np.array([[1.0, 1.0, np.inf], [2.0, np.inf, 2.0]])
-    cover = Cover(np.array([[1.0, 1.5, np.inf], [2.0, np.inf, np.inf]]), np.array([[4.0, 8.0, 0.0], [9.0, 8.0, 0.0]]))
+    begin = np.array([[1.0, 1.5, np.inf], [2.0, np.inf, np.inf]])
+    until = np.array([[np.inf, np.inf, np.inf], [3.0, np.inf, np.inf]])
+    cover = Cover(begin, until, np.array([[4.0, 8.0, 0.0], [9.0, 0.0, 0.0]]))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover)
     assert UNSEEN < ROOT < 0  # no mirror has their numbers
     expected = {(1.0, 0): ROOT, (1.5, 0): 0, (2.0, 0): 0, (2.5, 0): 1, (2.5, 1): 0, (2.0, 2): ROOT, (2.5, 2): UNSEEN}
@@ -82,7 +121,8 @@ def test_loops_and_arrays_agree_at_every_edge(view):
         one = np.array([range_]), np.array([direction])
         assert sight.seen_through(*one)[0] == through_at(*sight.passages, range_, direction) == owner
     for range_, direction, hidden in (
-        (0.9, 0, 0.0), (1.0, 0, 4.0), (1.9, 0, 4.0), (2.0, 0, 9.0), (1.5, 1, 8.0), (1.4, 1, 0.0), (9.0, 2, 0.0),
+        (0.9, 0, 0.0), (1.0, 0, 4.0), (1.9, 0, 4.0), (2.0, 0, 9.0), (2.9, 0, 9.0), (3.0, 0, 4.0),
+        (1.5, 1, 8.0), (1.4, 1, 0.0), (9.0, 2, 0.0),
     ):  # fmt: skip
         assert hidden_at(*cover, range_, direction) == hidden
         one = np.array([range_]), np.array([direction])

@@ -2,8 +2,8 @@
 
 Of the amplitudes found there, the largest is drawn. There is one kernel for chains of flat mirrors, and one each for
 chains that end with an arc, and with a cylinder or a sphere. What all of them look up is one tuple, `seen`, which
-`pictures.draw` makes: the map without mirrors, the passages of the lines of sight (two arrays), range and level of the
-cover, where the direct view is empty, the margin behind walls [m], the owners of the samples, the image and its gain,
+`pictures.draw` makes: the map without mirrors, the passages of the lines of sight (two arrays), the cover (three
+arrays), where the direct view is empty, the margin behind walls [m], the owners of the samples, the image and its gain,
 the steps to directions beside, the number of directions along both axes, and the `grid` of the samples.
 """
 
@@ -46,14 +46,14 @@ def _shown(a, e, k, x, y, z, mirror, seen, least):  # type: ignore[no-untyped-de
     Zero if the radar does not look by way of that mirror there, if an object in front hides the sample, if the echo
     there is doubted or folded by another mirror, or if the amplitude does not exceed `least`.
     """
-    unmoved, crossing, through, begin, level, empty, margin, blobs, amplitude, gain, side, (columns, rows), grid = seen
+    unmoved, crossing, through, cover, empty, margin, blobs, amplitude, gain, side, (columns, rows), grid = seen
     if not (0.0 <= a <= columns - 1 and 0.0 <= e <= rows - 1 and 0.0 <= k < gain.size - 1):
         return 0.0
     beam, r = int(a + 0.5) * rows + int(e + 0.5), grid[2, 0] + k * grid[2, 1]
     if through_at(crossing, through, r - margin, beam) != mirror:
         return 0.0
     value = at_point(amplitude, a, e, k) * gain[int(k)]
-    if value <= least or value <= hidden_at(begin, level, r, beam):
+    if value <= least or value <= hidden_at(*cover, r, beam):
         return 0.0
     owner = blobs[beam, int(k + 0.5)]
     if owner == UNSEEN:

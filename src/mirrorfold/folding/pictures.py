@@ -115,8 +115,8 @@ def draw(
     steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
     if isinstance(view, VolumeView):
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
-    hidden, side = (sight.cover.range, sight.cover.level, empty), view.beside_steps(view.range)
-    seen = maps[0], crossing, through, *hidden, wall_margin, blobs, amplitude, gain, side, shape, steps
+    cover, side = tuple(sight.cover), view.beside_steps(view.range)
+    seen = maps[0], crossing, through, cover, empty, wall_margin, blobs, amplitude, gain, side, shape, steps
     height = z[0] if z else np.zeros(1)
     columns = strongest or not z
     out = np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)

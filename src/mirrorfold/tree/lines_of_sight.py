@@ -15,8 +15,9 @@ import numpy as np
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, Fold, View
+from mirrorfold.detection import Echoes, Fold, ImageView, View
 from mirrorfold.detection.views.view import in_pieces
+from mirrorfold.tree.grouping import object_numbers
 
 CLEAR_DB = 20.0
 """An echo is no multiple scattering of the objects in front of it if it is stronger than each of them by this many
@@ -45,53 +46,80 @@ UNSEEN = -2
 class Cover(NamedTuple):
     """What objects hide: along each line of sight, the amplitude that an echo must exceed to be seen.
 
-    Weaker echoes may be multiple scattering of the objects in front of them. That amplitude rises in steps along each
-    of the n lines of sight: at `range` (depth, n) [m], the nearest first, to `level` (depth, n). Where a line of sight
-    has fewer than `depth` steps, the ranges of the remaining ones are infinite.
+    Weaker echoes may be multiple scattering of the objects in front of them. Along each of the n lines of sight there
+    are steps: from `range` to `until` (depth, n), the nearest first, that amplitude is at least `level` (depth, n).
+    Where a line of sight has fewer than `depth` steps, the ranges of the remaining ones are infinite. All ranges in
+    metres.
     """
 
     range: Array
+    until: Array
     level: Array
 
     @classmethod
     def nothing(cls, directions: int) -> Cover:
         """The cover without objects, for so many directions: nothing is hidden."""
-        return cls(np.empty((0, directions)), np.empty((0, directions)))
+        return cls(*np.empty((3, 0, directions)))
 
     @classmethod
     def of(cls, objects: Echoes, view: View) -> Cover:
         """What objects hide.
 
         In the directions that it covers, an object hides all that is farther behind it than an object is deep
-        (`View.object_depth`), unless that is stronger than the object by `CLEAR_DB`.
+        (`View.object_depth`), unless that is stronger than the object by `CLEAR_DB`. Beyond its shadow (`shadow_ends`)
+        it hides nothing.
         """
         row, direction = view.within(objects.position, view.covered_angle)
         begin = (objects.range + view.object_depth(objects.range))[row]
         level = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[row]
-        table = _steps(direction, begin, level, view)
-        # Of several objects along a line of sight, only those that are stronger than all before them raise the level.
-        which = np.nonzero(np.diff(table.level, axis=0, prepend=0.0) > 0.0)
-        return _steps(which[1], table.range[which], table.level[which], view)
+        until = shadow_ends(objects, view)[row]
+        table = _steps(direction, begin, until, level, view)
+        # A step says something if it is higher than all steps before it that do not end.
+        lasting = np.maximum.accumulate(np.where(np.isinf(table.until), table.level, 0.0), axis=0)
+        before = np.vstack([np.zeros((1, len(view.sight))), lasting])[: len(lasting)]
+        which = np.nonzero((table.range < table.until) & (table.level > before))
+        return _steps(which[1], table.range[which], table.until[which], table.level[which], view)
 
     def clear(self, range_: Array, direction: Index, amplitude: Array | float) -> Mask:
         """Whether no object hides echoes at these ranges [m], in these directions, of these amplitudes."""
         hidden = np.zeros(range_.shape)
-        for step, level in zip(self.range, self.level, strict=True):
-            hidden = np.where(step[direction] <= range_, level[direction], hidden)
+        for step, until, level in zip(*self, strict=True):
+            within = (step[direction] <= range_) & (range_ < until[direction])
+            hidden = np.maximum(hidden, np.where(within, level[direction], 0.0))
         return np.asarray(amplitude > hidden)
 
 
-def _steps(direction: Index, begin: Array, level: Array, view: View) -> Cover:
-    """Sort steps at ranges `begin` [m] by direction, the nearest first; each gets the highest level up to it."""
+def shadow_ends(objects: Echoes, view: View) -> Array:
+    """Range [m] from which on the array looks around the object that each echo belongs to, (n,).
+
+    The elements of an array look past an object on different sides of it. Of an array of length L across the line of
+    sight, an object of width w at the range r hides ``w / (1 - r / range)`` from a place behind it: less than half of
+    the array from the range ``r / (1 - 2 w / L)`` on. Infinite for wider objects, and in a volume.
+    """
+    if not isinstance(view, ImageView):
+        return np.full(len(objects), np.inf)
+    number = object_numbers(view, objects.range, objects.direction)
+    count, u = int(number.max(initial=-1)) + 1, view.u[objects.direction]
+    range_, first, last = np.zeros(count), np.full(count, np.inf), np.full(count, -np.inf)
+    np.maximum.at(range_, number, objects.range)
+    np.minimum.at(first, number, u)
+    np.maximum.at(last, number, u)
+    slant = 1.0 - np.square(0.5 * (first + last))  # cosine of the angle off broadside, squared
+    width, half = range_ * (last - first + 2.0 * view.covered_angle), 0.5 * view.shorter_array * slant
+    return np.divide(range_ * half, half - width, out=np.full(count, np.inf), where=width < half)[number]
+
+
+def _steps(direction: Index, begin: Array, until: Array, level: Array, view: View) -> Cover:
+    """Sort steps from ranges `begin` to `until` [m] by direction, the nearest first."""
     directions = len(view.sight)
     order = np.lexsort([begin, direction])
     direction = direction[order]
     rank = np.arange(direction.size) - np.searchsorted(direction, np.arange(directions))[direction]
     depth = int(rank.max(initial=-1)) + 1
-    table = Cover(np.full((depth, directions), np.inf), np.zeros((depth, directions)))
-    table.range[rank, direction] = begin[order]
-    table.level[rank, direction] = level[order]
-    np.maximum.accumulate(table.level, axis=0, out=table.level)
+    never = np.full((depth, directions), np.inf)
+    table = Cover(never, never.copy(), np.zeros((depth, directions)))
+    for values, row in zip((begin, until, level), table, strict=True):
+        row[rank, direction] = values[order]
     return table
 
 
@@ -206,11 +234,12 @@ def through_at(crossing, through, distance, direction):  # type: ignore[no-untyp
 
 
 @njit(nogil=True, error_model="numpy")
-def hidden_at(begin, level, distance, direction):  # type: ignore[no-untyped-def]
+def hidden_at(begin, until, level, distance, direction):  # type: ignore[no-untyped-def]
     """The amplitude that an echo at one point must exceed to be seen, see `Cover`."""
     hidden = 0.0
     for k in range(begin.shape[0]):
         if begin[k, direction] > distance:
             break
-        hidden = level[k, direction]
+        if distance < until[k, direction]:
+            hidden = max(hidden, level[k, direction])
     return hidden
