@@ -9,7 +9,7 @@ from scans import FREQUENCY, SPOT, point_sweep
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.common.beams import beam_angles, beam_radius
+from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
 from mirrorfold.common.windows import window
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.detection.volume_echoes import find_runs
@@ -68,6 +68,38 @@ def test_plan_view_shows_the_strongest_of_each_column():
         assert plan["y"].values[row] == pytest.approx(y, abs=0.006)
         assert float(near.max()) == pytest.approx(float(np.abs(volume).max()), rel=0.15)
     assert mf.fold(plan).attrs["mirrorfold_kind"] == "reconstruction"
+
+
+@pytest.mark.parametrize("angle", [80.0, 130.0, 180.0, -180.0, 270.0, 1000.0])
+def test_scans_that_look_aside_or_back_are_seen_from_above_and_in_voxels(angle):
+    ahead = focus_raster(point_sweep((0.03, 1.2, 0.02)))
+    turned = ahead.assign_coords(azimuth=ahead["azimuth"] + angle)
+    x, y, _ = beam_direction(np.degrees(np.arctan2(0.03, 1.2)) + angle, 0.0) * np.hypot(0.03, 1.2)
+    plan = plan_view(turned)
+    brightest = plan.stack(pixel=("y", "x"))[int(plan.values.argmax())]
+    assert np.hypot(brightest["x"] - x, brightest["y"] - y) < 0.01
+    assert float(plan.max()) == pytest.approx(float(plan_view(ahead).max()), rel=0.15)
+    there, here = (float(to_voxels(volume, x=[a], y=[b], z=[0.02])[0, 0, 0])
+                   for volume, a, b in ((turned, x, y), (ahead, 0.03, 1.2)))  # fmt: skip
+    assert there == pytest.approx(here, rel=1e-3)
+
+
+@pytest.mark.parametrize("view", [plan_view, lambda volume: to_voxels(volume, x=[0.0], y=[1.2], z=[0.0])])
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda v: v[:, ::-1], "azimuth does not rise; sort it"),
+        (lambda v: v[:, :, ::-1], "elevation does not rise; sort it"),
+        (lambda v: v[np.r_[:40, 60 : v.sizes["range"]]], "range does not rise in equal steps"),
+        (lambda v: v[:, :1], "needs a coordinate azimuth .* with at least 2 values"),
+        (lambda v: v[:1], "needs a coordinate range .* with at least 2 values"),
+        (lambda v: v.drop_vars("azimuth"), "needs a coordinate azimuth"),
+        (lambda v: v.where(v["azimuth"] > 0.0), "samples are not finite"),
+    ],
+)
+def test_volumes_that_would_be_drawn_wrong_are_refused(change, said, view):
+    with pytest.raises(mf.InputError, match=f"^volume: .*{said}"):
+        view(change(focus_raster(point_sweep((0.03, 1.2, 0.02)), limits=(0.8, 1.6))))
 
 
 def test_voxels_interpolate_the_volume():

@@ -283,9 +283,9 @@ def _plane(outline: Array, view: VolumeView) -> PlaneMirror:
     center = outline.mean(axis=0)
     normal = np.linalg.svd(outline - center)[2][2]
     normal = normal * (-np.sign((center - view.radar) @ normal) or 1.0)
-    met = view.radar + view.meets(normal, center)[:, None] * view.sight
     # A point inside a convex outline lies on the same side of all edges.
     edges = np.roll(outline, -1, axis=0) - outline
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # beams that do not meet the plane meet it at infinity
+        met = view.radar + view.meets(normal, center)[:, None] * view.sight
         sides = np.cross(edges[:, None], met - outline[:, None]) @ normal
     return PlaneMirror(center, normal, outline, np.all(sides >= 0.0, axis=0) | np.all(sides <= 0.0, axis=0))

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
@@ -164,7 +164,7 @@ class _SheetSearch:
         best, most = None, 0.0
         limit = 0.5 * self.view.extent_each(points, normal)
         for a, b in zip(seeds[valid], other[valid], strict=True):
-            for axis in (unit(np.cross(normal[a], normal[b])), np.zeros(3)):
+            for axis in (unit_or_zero(np.cross(normal[a], normal[b])), np.zeros(3)):
                 shape = _through(points[a], normal[a], points[b], normal[b], axis)
                 if shape is None or not SMALLEST_CELLS * cell < shape.radius < LARGEST_CELLS * cell:
                     continue

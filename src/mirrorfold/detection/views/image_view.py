@@ -18,6 +18,7 @@ from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.arguments import in_message
+from mirrorfold.common.facts import radar_place
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
@@ -340,7 +341,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(RANGE_POWERS)}")
     attrs = image.attrs
     x, y = image["x"].values.astype(float), image["y"].values.astype(float)
-    place = np.append(np.asarray(attrs.get("radar_position", (0.0, 0.0)), dtype=float), 0.0)
+    place = radar_place(attrs)
     radar, height = place[:2], float(place[2] - image.coords.get("z", 0.0))
     along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
     broadside = turned(along)

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from mirrorfold.common.facts import check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
@@ -266,7 +267,8 @@ def in_single_precision(image: xr.DataArray) -> xr.DataArray:
 
 
 def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
-    """Refuse anything but an image of these dimensions with finite values on a regular grid, at least 4 along each.
+    """Refuse anything but an image of these dimensions with finite values on a regular grid, at least 4 along each, and
+    possible facts about the radar.
 
     Raises
     ------
@@ -282,10 +284,13 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
     for name in dims:
         if name not in image.coords or image.sizes[name] < 4:
             raise InputError(f"image: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
+        check_unit(image[name], "image")
         step = np.diff(image[name].values.astype(float))
         if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
-            wrong = f"the coordinate {name} does not rise in equal steps; resample to a regular grid"
-            raise InputError(f"image: {wrong}")
+            falls = np.isfinite(step).all() and (step < 0.0).all()
+            remedy = f"turn it over by image.sortby({name!r})" if falls else "resample to a regular grid"
+            raise InputError(f"image: the coordinate {name} does not rise in equal steps; {remedy}")
+    check_facts(image.attrs, "image")
     if image.dtype.kind not in "cfiu":
         raise InputError(f"image: holds values of type {image.dtype}, expected real or complex amplitudes")
     if missing := int(np.count_nonzero(~np.isfinite(image.values))):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
+from mirrorfold.common.facts import radar_place
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.views.view import View, check_samples, in_pieces
@@ -104,9 +105,25 @@ class VolumeView(View):
         return beam_direction(self.azimuth[:, None], self.elevation[None, :]).reshape(-1, 3)
 
     def angles(self, points: ArrayLike) -> tuple[Array, Array]:
-        """Range [m] of points (..., 3) [m], and their azimuth and elevation [rad], (..., 2)."""
+        """Range [m] of points (..., 3) [m], and their azimuth and elevation [rad], (..., 2).
+
+        Azimuths are at most half a turn from the middle of the scan, which may look anywhere.
+        """
         offset = np.asarray(points, dtype=float) - self.radar
-        return np.linalg.norm(offset, axis=-1), np.radians(np.stack(beam_angles(offset), axis=-1))
+        azimuth, elevation = np.radians(beam_angles(offset))
+        azimuth -= 2.0 * np.pi * np.rint((azimuth - self.middle) / (2.0 * np.pi))
+        return np.linalg.norm(offset, axis=-1), np.stack([azimuth, elevation], axis=-1)
+
+    @property
+    def middle(self) -> float:
+        """Azimuth [rad] in the middle of the scan."""
+        return float(np.radians(0.5 * (self.azimuth[0] + self.azimuth[-1])))
+
+    @property
+    def frame(self) -> Array:
+        """Rotation (3, 3) about the vertical that turns the middle azimuth to y."""
+        cosine, sine = np.cos(self.middle), np.sin(self.middle)
+        return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
     @property
     def beam_step(self) -> float:
@@ -199,7 +216,7 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     done = spreading(attrs, range_, frequency, str(attrs.get("normalization", "none")), "image")
     if np.ptp(done) > 0.0:
         amplitude = np.divide(amplitude, np.maximum(done, np.finfo(np.float32).tiny), dtype=np.float32)
-    radar = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
+    radar = radar_place(attrs)
     range_cell = max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step)
     gain = spreading(attrs, range_, frequency, chosen, "image")
     taper = str(attrs.get("taper", "hann"))

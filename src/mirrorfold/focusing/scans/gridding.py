@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.arguments import number
+from mirrorfold.common.facts import check_facts, check_unit, radar_place
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.threads import for_each
@@ -29,6 +30,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     Parameters
     ----------
     volume : (range, azimuth, elevation) DataArray
+        Azimuths may have unequal steps, and there may be a single elevation.
     pixel : float [m], optional
         By default two range samples.
 
@@ -40,10 +42,10 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     Raises
     ------
     InputError
-        If this is no volume, or the pixel no positive length.
+        If this is no volume with rising coordinates, or the pixel no positive length.
     """
-    amplitude = magnitudes(beams_of(volume))
-    range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
+    amplitude = _samples(volume)
+    range_, azimuth, elevation = _coordinates(volume, {"range": 2, "azimuth": 2, "elevation": 1}).values()
     step = float(range_[1] - range_[0])
     pixel = 2.0 * step if pixel is None else number("pixel", pixel, "m", above=0.0)
     polar = np.zeros((azimuth.size, range_.size), dtype=np.float32)
@@ -52,16 +54,19 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
         strongest(amplitude[i], np.cos(np.radians(elevation)), float(range_[0]), step, polar[i])
 
     for_each(column, range(azimuth.size))
-    side = np.radians(azimuth[[0, -1]])
-    x = np.arange(
-        np.floor(min(range_[-1] * np.sin(side[0]), 0) / pixel), range_[-1] * max(np.sin(side[1]), 0) / pixel + 1
-    )
-    y = np.arange(max(np.floor(range_[0] * np.cos(np.abs(side).max()) / pixel), 1.0), range_[-1] / pixel + 1)
+    # The border of the plan goes through ends of the scan, or where it crosses an axis.
+    quarters = 90.0 * np.arange(np.ceil(azimuth[0] / 90.0), azimuth[-1] / 90.0)
+    side = np.radians(np.concatenate([azimuth[[0, -1]], quarters]))
+    across, ahead = (np.multiply.outer(range_[[0, -1]], wave(side)) for wave in (np.sin, np.cos))
+    x = np.arange(np.floor(min(across.min(), 0.0) / pixel), max(across.max(), 0.0) / pixel + 1)
+    y = np.arange(np.floor(ahead.min() / pixel) or 1.0, ahead.max() / pixel + 1)
     x, y = x * pixel, y * pixel
     values = np.zeros((y.size, x.size), dtype=np.float32)
-    angle = np.interp(np.degrees(np.arctan2(x[None, :], y[:, None])), azimuth, np.arange(azimuth.size), -1.0, -1.0)
+    angle = np.degrees(np.arctan2(x[None, :], y[:, None]))
+    angle += 360.0 * np.rint((0.5 * (azimuth[0] + azimuth[-1]) - angle) / 360.0)
+    angle = np.interp(angle, azimuth, np.arange(azimuth.size), -1.0, -1.0)
     polar_to_plan(polar, x, y, angle, float(range_[0]), step, values)
-    origin = np.asarray(volume.attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
+    origin = radar_place(volume.attrs)
     coords: dict[str, Any] = {
         "y": ("y", y + origin[1], {"units": "m", "long_name": "range"}),
         "x": ("x", x + origin[0], {"units": "m", "long_name": "cross-range"}),
@@ -86,13 +91,53 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
     Raises
     ------
     InputError
-        If there are no voxels, or their coordinates do not rise in equal steps.
+        If there are no voxels, or coordinates do not rise in equal steps.
     """
-    amplitude = magnitudes(beams_of(volume))
-    coords = {name: volume[name].values.astype(float) for name in volume.dims}
+    amplitude = _samples(volume)
+    coords = _coordinates(volume, dict.fromkeys(("range", "azimuth", "elevation"), 2))
     voxels = Voxels.of(coords, volume.attrs, x=x, y=y, z=z)
     voxels.fill(amplitude, range(len(amplitude)))
     return voxels.labelled()
+
+
+def _samples(volume: xr.DataArray) -> NDArray[np.float32]:
+    """The amplitude of a volume, (azimuth, elevation, range).
+
+    Raises
+    ------
+    InputError
+        If this is no volume, or samples are not finite.
+    """
+    values = beams_of(volume)
+    if missing := int(np.count_nonzero(~np.isfinite(values))):
+        wrong = f"{missing} of {values.size} samples are not finite (NaN or infinite); replace them, as by zero"
+        raise InputError(f"volume: {wrong}")
+    return magnitudes(values)
+
+
+def _coordinates(volume: xr.DataArray, least: Mapping[str, int]) -> dict[str, Array]:
+    """Range [m], azimuth and elevation [degree] of a volume, with at least as many values as `least` says.
+
+    Raises
+    ------
+    InputError
+        If there are fewer, they do not rise, or ranges do not in equal steps; or if attributes say what cannot be.
+    """
+    check_facts(volume.attrs, "volume")
+    for name, count in least.items():
+        if name not in volume.coords or volume.sizes[name] < count:
+            raise InputError(f"volume: needs a coordinate {name} [m or degree] with at least {count} values")
+        check_unit(volume[name], "volume")
+        step = np.diff(volume[name].values.astype(float))
+        if not (step > 0.0).all():
+            raise InputError(f"volume: the coordinate {name} does not rise; sort it, as by volume.sortby({name!r})")
+        if name == "range" and np.ptp(step) > EQUAL * step.mean():
+            raise InputError("volume: the coordinate range does not rise in equal steps; resample the volume")
+    return {name: volume[name].values.astype(float) for name in least}
+
+
+EQUAL = 1e-3
+"""Largest deviation of equal steps, as a share of their mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,13 +182,13 @@ class Voxels:
         InputError
             If there are no voxels, their coordinates do not rise in equal steps, or they do not fit into the memory.
         """
-        origin = np.asarray(attrs.get("radar_position", (0.0, 0.0, 0.0)), dtype=float)
+        origin = radar_place(attrs)
         given = {name: pixel_axis(axis, name) for name, axis in (("z", z), ("y", y), ("x", x))}
         for name, axis in given.items():
             steps = np.diff(axis)
             if steps.size and steps.min() <= 0:
                 raise InputError(f"{name} must be a rising list of coordinates in metres; sort it")
-            if steps.size and np.ptp(steps) > 1e-3 * steps.mean():
+            if steps.size and np.ptp(steps) > EQUAL * steps.mean():
                 raise InputError(f"{name} must rise in equal steps; resample it")
         shape = given["y"].size, given["x"].size, given["z"].size
         check_room(
@@ -214,10 +259,12 @@ def grid_row(amplitude, begin, columns, x, y, z, azimuth, elevation, first, step
 
     `amplitude` holds the azimuths from index `begin` on, out of `columns` of the volume; other voxels are not changed.
     """
+    middle, turn = 0.5 * (columns - 1), 2.0 * np.pi / azimuth[1]
     for j in range(x.size):
         ground = x[j] * x[j] + y * y
         flat = np.sqrt(ground)
         a = (np.arctan2(x[j], y) - azimuth[0]) / azimuth[1]
+        a -= turn * np.rint((a - middle) / turn)  # a scan may look anywhere
         if a < 0.0 or a > columns - 1 or int(a) < begin or int(a) + 1 >= begin + amplitude.shape[0]:
             continue
         for i in range(z.size):

@@ -1,0 +1,59 @@
+"""What attributes and coordinates of images say that cannot be is refused wherever the images are used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scans import point_sweep
+
+import mirrorfold as mf
+from mirrorfold.common.facts import radar_place
+
+VOLUME = mf.focus(point_sweep((0.03, 1.2, 0.02)))
+PLAN = mf.plan_view(VOLUME)
+AXIS = np.linspace(-0.1, 0.1, 5)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("radar_position", "here"),
+        ("radar_position", [1.0]),
+        ("radar_position", [1.0, np.nan, 0.0]),
+        ("frequency_start", "300 GHz"),
+        ("frequency_stop", 1e9),
+        ("frequency_points", "many"),
+        ("spot_radius", -1.0),
+        ("wave_speed", 0.0),
+        ("range_resolution", np.array([1.0, 2.0])),
+    ],
+)
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda **fact: mf.fold(VOLUME.assign_attrs(fact)),
+        lambda **fact: mf.fold(PLAN.assign_attrs(fact)),
+        lambda **fact: mf.plan_view(VOLUME.assign_attrs(fact)),
+        lambda **fact: mf.to_voxels(VOLUME.assign_attrs(fact), x=AXIS, y=1.2 + AXIS, z=AXIS),
+    ],
+    ids=["fold a volume", "fold a plan view", "plan view", "voxels"],
+)
+def test_facts_that_cannot_be_are_refused_in_one_sentence(use, name, value):
+    with pytest.raises(mf.InputError, match=rf"^(image|volume): attr {name} is ") as refused:
+        use(**{name: value})
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("use", [mf.fold, mf.plan_view], ids=["fold", "plan view"])
+def test_angles_that_say_to_be_in_radians_are_no_degrees(use):
+    radian = ("azimuth", np.radians(VOLUME["azimuth"].values), {"units": "radian"})
+    with pytest.raises(mf.InputError, match="azimuth is in radian"):
+        use(VOLUME.assign_coords(azimuth=radian))
+
+
+def test_a_place_on_the_floor_is_as_good_as_one_in_space():
+    assert radar_place({"radar_position": [1.0, 2.0]}).tolist() == [1.0, 2.0, 0.0]
+    assert radar_place({}).tolist() == [0.0, 0.0, 0.0]
+    flat, full = (mf.fold(VOLUME.assign_attrs(radar_position=place)) for place in ([1.0, 2.0], [1.0, 2.0, 0.0]))
+    xr.testing.assert_identical(flat["objects"].to_dataset(), full["objects"].to_dataset())
