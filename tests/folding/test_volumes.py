@@ -46,6 +46,15 @@ def test_noise_alone_gives_no_echo():
     assert "no mirror was found" in result.attrs["remark"]
 
 
+@pytest.mark.parametrize("angle", [90.0, 180.0, -175.0, 500.0])
+def test_a_scan_that_looks_back_folds_and_draws_as_one_that_looks_ahead(angle):
+    ahead = mf.focus(point_sweep((0.03, 1.2, 0.05), (-0.03, 1.5, -0.05), noise=1e-3))
+    here, there = mf.fold(ahead), mf.fold(ahead.assign_coords(azimuth=ahead["azimuth"] + angle))
+    assert_allclose(points_of(there), [turned({"center": p}, angle)["center"] for p in points_of(here)], atol=1e-9)
+    for picture in (lambda result: result["intensity"], lambda result: result["initial/initial"]):
+        assert float(picture(there).max()) == pytest.approx(float(picture(here).max()), rel=0.3)
+
+
 def wall_world(angle=0.0, lean=0.0, half=8.0, **settings):
     """A board turned by 45 degrees that shows a ball to the left."""
     normal = (-np.sqrt(0.5) * np.cos(lean), -np.sqrt(0.5) * np.cos(lean), np.sin(lean))
@@ -142,6 +151,11 @@ def test_the_tree_of_a_volume_shows_itself(world_volume):
     assert size in repr(tree)
     assert size in tree._repr_html_()
     assert json.loads(tree.to_json())["mirrors"][0]["line"]["start"][1] == tree.mirrors[0].line.ends[0, 1]
+
+
+def test_a_plane_behind_the_scanner_shows_nothing():
+    behind = [[-0.5, -2.0, -0.5], [0.5, -2.0, -0.5], [0.5, -2.0, 0.5], [-0.5, -2.0, 0.5]]
+    assert mf.fold(mf.focus(point_sweep((0.03, 1.2, 0.05))), mirrors=[behind])["mirrors"].sizes["mirror"] == 0
 
 
 @pytest.mark.slow

@@ -21,22 +21,23 @@ from mirrorfold.tree.lines_of_sight import UNSEEN, hidden_at, through_at
 def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
     """Where a map `m` (3, 4) takes a point x, y, z [m]: azimuth, elevation and range, counted in samples of the view.
 
-    All three are -1 for places behind the radar or beside the view. An image is `flat`: its first index is that of the
-    sine of the angle from broadside, its second index is zero.
+    All three are -1 for places beside the view, or behind the radar of an image. An image is `flat`: its first index is
+    that of the sine of the angle from broadside, its second index is zero. In a volume ``tan(azimuth / 2)``, which
+    rises all the way around the radar, tells places beside the view without an arctangent.
     """
     px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
     py = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
     pz = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-    if py <= 0.0:
-        return -1.0, -1.0, -1.0
     ground = np.sqrt(px * px + py * py)
-    right, up = px / (ground if flat else py), pz / ground
+    if (py if flat else py + ground) <= 0.0:
+        return -1.0, -1.0, -1.0
+    right, up = px / (ground if flat else py + ground), pz / ground
     if not (grid[0, 2] <= right <= grid[0, 3] and grid[1, 2] <= up <= grid[1, 3]):
         return -1.0, -1.0, -1.0
     k = (np.sqrt(ground * ground + pz * pz) - grid[2, 0]) / grid[2, 1]
     if flat:
         return (right - grid[0, 0]) / grid[0, 1], 0.0, k
-    return (np.arctan(right) - grid[0, 0]) / grid[0, 1], (np.arctan(up) - grid[1, 0]) / grid[1, 1], k
+    return (2.0 * np.arctan(right) - grid[0, 0]) / grid[0, 1], (np.arctan(up) - grid[1, 0]) / grid[1, 1], k
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
@@ -80,9 +81,10 @@ def draw_row(x, y, z, maps, number, bound, brightest, pixels, seen, out):  # typ
     """Voxels of one y, (x, z): the largest amplitude with which a chain of mirrors shows them, see `pictures.draw`.
 
     All `maps` (n, 3, 4) lead to the radar's own frame. The rows of the `grid` in `seen`, (3, 4), are the two angles and
-    the range: first value, step, and for angles the lowest and highest tangent, or sine for an image, which has one row
-    of directions. A block of `pixels` (2,) along x and z shows nothing brighter than its `bound` (n, x, z); blocks are
-    taken in the order `brightest`, by falling bound. If `out` is (x, 1), it gets the largest amplitude over all z.
+    the range: first value, step, and for angles the lowest and highest tangent, of azimuths that of their half, or the
+    sine for an image, which has one row of directions. A block of `pixels` (2,) along x and z shows nothing brighter
+    than its `bound` (n, x, z); blocks are taken in the order `brightest`, by falling bound. If `out`
+    is (x, 1), it gets the largest amplitude over all z.
     """
     columns, shape, grid = out.shape[1] == 1, seen[-2], seen[-1]
     for w in range(number.size):

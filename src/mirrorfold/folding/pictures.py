@@ -38,7 +38,7 @@ LARGEST_GRID = 60_000_000
 
 
 LARGEST_ANGLE = np.radians(89.999)
-"""Largest azimuth and elevation that are drawn of a volume [rad]: not what is beside or behind the radar."""
+"""Largest elevation, and half of the largest azimuth from the middle one, that are drawn of a volume [rad]."""
 
 
 def pictures(
@@ -97,6 +97,7 @@ def draw(
     if isinstance(view, VolumeView):
         amplitude, gain = view.amplitude, view.gain.astype(np.float32)
         samples = amplitude.reshape(-1, view.range.size)
+        axes[0], frame = view.axes[0] - view.middle, view.frame
     else:  # an image is a volume with one row of directions, which is repeated to interpolate between
         view = cast(ImageView, view)
         samples = np.ascontiguousarray(view.amplitude.T, dtype=np.float32)
@@ -114,6 +115,7 @@ def draw(
     numbers = np.array(list(mirrors))
     steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
     if isinstance(view, VolumeView):
+        steps[0, 2:] *= 0.5
         steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
     cover, side = tuple(sight.cover), view.beside_steps(view.range)
     seen = maps[0], crossing, through, cover, empty, wall_margin, blobs, amplitude, gain, side, shape, steps
