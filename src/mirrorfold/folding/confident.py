@@ -18,9 +18,14 @@ def confident_points(reconstruction: xr.DataTree, min_confidence: float | None =
     Raises
     ------
     InputError
-        If the confidence is no number from 0 to 1, or the points have none.
+        If the confidence is no number from 0 to 1, or the points have none, or the table is none of points.
     """
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    if "point" not in objects.sizes:
+        raise InputError(
+            f"reconstruction: the group /objects has the dimensions {', '.join(map(str, objects.sizes)) or 'none'}, "
+            "expected 'point'; rename them, or fold again"
+        )
     if min_confidence is None:
         min_confidence = float(reconstruction.attrs.get("fold_min_confidence", 0.0))
     else:

@@ -59,7 +59,7 @@ LARGEST_CLUSTER_GAP = 0.12
 
 
 def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
-    """Columns of the table of points, by name.
+    """Columns of the table of points, by name. Where `surface` is missing, as in early files, all are of objects.
 
     Raises
     ------
@@ -70,7 +70,8 @@ def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
     objects = confident_points(reconstruction)
     if "z" not in objects.variables:
         raise InputError("reconstruction: is a floor plan, it has no heights; draw it with plot.before_after")
-    return {str(name): objects[name].values for name in objects.variables}
+    columns = {str(name): objects[name].values for name in objects.variables}
+    return {"surface": np.full(len(columns["z"]), "object")} | columns
 
 
 def _largest_object(points: Array) -> NDArray[np.bool_]:
