@@ -127,6 +127,17 @@ def test_the_ends_of_an_arc_follow_the_compass_of_mathematics():
             ["surface[0]: crosses itself or folds back at (-0.2064, 1.15) m"],
         ),
         (
+            room(array={"elements": True, "pitch": True}),
+            ["array.elements: true is no number", "array.pitch: true is no"],
+        ),
+        (room({**WALL, "start": [False, 1]}), ["surface[0].start[0]: false is no number; write one"]),
+        (room({**WALL, "start": [0, 1, 0]}), ["surface[0].start has the length 3, [0, 1, 0], expected at most 2"]),
+        (
+            room({"name": "p", "kind": "polyline", "points": [[0, 1]]}),
+            ["surface[0].points has the length 1, [[0, 1]], expected at least 2"],
+        ),
+        ({**room(), "surface": WALL}, ["surface is a single table, expected a list of tables; write [[surface]]"]),
+        (
             room(
                 {**WALL, "strat": 1}, {**WALL, "name": "b", "kind": "arch"}, band={"start": 1, "stop": 2, "points": 1}
             ),

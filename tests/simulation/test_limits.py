@@ -63,6 +63,35 @@ def test_a_slip_is_refused_with_numbers_before_any_work(slip):
     assert time.process_time() - start < 1.0
 
 
+THROUGH = {
+    "a wall along the array": {"kind": "segment", "start": [-1.0, 0.0], "end": [1.0, 0.0]},
+    "a wall across the middle": {"kind": "segment", "start": [-1.0, -1.0], "end": [1.0, 1.0]},
+    "inside a thick wall": {"kind": "polyline", "points": [[-1.0, 0.04], [1.0, 0.04]], "thickness": 0.1,
+                            "material": "glass"},
+    "a pillar that touches": {"kind": "circle", "center": [0.0, 0.20001], "radius": 0.2},
+    "an arc through it": {"kind": "arc", "center": [0.0, -0.3], "radius": 0.3, "start_angle": 60, "stop_angle": 120},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("slip", THROUGH)
+def test_antennas_on_a_surface_are_refused_by_rays_too(slip):
+    content = SCENE | {"surface": [{"name": "wall", **THROUGH[slip]}]}
+    for work in (mf.simulate, estimate):
+        with pytest.raises(
+            mf.InputError, match=r"^array: the antenna at .* m stands on surface\[0\] 'wall', .* move one"
+        ):
+            work(content)
+
+
+def test_antennas_near_a_surface_are_not_refused():
+    for wall in (
+        {"kind": "segment", "start": [-1.0, 0.001], "end": [1.0, 0.001]},
+        {"kind": "arc", "center": [0.0, -0.3], "radius": 0.3, "start_angle": 150, "stop_angle": 200},
+        {"kind": "segment", "start": [0.041, 0.0], "end": [1.0, 0.0]},
+    ):
+        mf.simulate(changed(SCENE, band={"points": 2}) | {"surface": [{"name": "wall", **wall}]}, snr_db=20.0)
+
+
 def test_scenes_of_other_waves_and_sizes_are_not_refused():
     for content in (
         SCENE,

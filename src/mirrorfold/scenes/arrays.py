@@ -15,16 +15,25 @@ from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import FARTHEST, Quantity, mixes_units
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+def no_boolean(given: Any) -> Any:
+    """Return anything but true and false unchanged, which count as one and zero otherwise."""
+    if isinstance(given, bool | np.bool_):
+        raise ValueError(f"{str(given).lower()} is no number; write one")
+    return given
+
+
+Number = Annotated[float, BeforeValidator(no_boolean)]
+Finite = Annotated[Number, Field(allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0, allow_inf_nan=False)]
+NonNegative = Annotated[Number, Field(ge=0, allow_inf_nan=False)]
 PositiveLength = Annotated[Positive, Field(le=FARTHEST), Quantity("length")]
 NonNegativeLength = Annotated[NonNegative, Field(le=FARTHEST), Quantity("length")]
 Coordinate = Annotated[Finite, Field(ge=-FARTHEST, le=FARTHEST), Quantity("length")]
 AnyAngle = Annotated[Finite, Quantity("angle")]
 """Types of numbers that a scene file may give with units."""
 
-Count = Annotated[int, Field(le=10**15)]
+Count = Annotated[int, BeforeValidator(no_boolean), Field(le=10**15)]
 """A number of elements. The limit: no measurement has petabytes of data, and much larger integers exceed float64."""
 
 STRICT = ConfigDict(extra="forbid")
@@ -91,7 +100,7 @@ class LinearArray:
     center: Point = (0.0, 0.0)
     direction: tuple[Finite, Finite] | tuple[Finite, Finite, Finite] = (1.0, 0.0)
     horn: PositiveLength | None = None
-    missing: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    missing: tuple[Annotated[Count, Field(ge=0)], ...] = ()
     rx: LinearArray | None = None
 
     def __post_init__(self) -> None:

@@ -18,7 +18,7 @@ from scipy.constants import epsilon_0, speed_of_light
 from mirrorfold.common.slabs import Polarization, fresnel
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
-from mirrorfold.scenes.arrays import STRICT, NonNegative
+from mirrorfold.scenes.arrays import STRICT, NonNegative, Number
 
 
 class Material(Protocol):
@@ -115,7 +115,7 @@ class Substance:
     conductivity : float [S/m]
     """
 
-    permittivity: Annotated[float, Field(ge=1, allow_inf_nan=False)]
+    permittivity: Annotated[Number, Field(ge=1, allow_inf_nan=False)]
     conductivity: NonNegative = 0.0
 
     def __str__(self) -> str:

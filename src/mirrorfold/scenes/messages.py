@@ -95,6 +95,14 @@ def _explain(item: Any, entries: Entries) -> tuple[str, str]:
         return f"{place}.kind is missing", f"one of {', '.join(entries.of_kind)}"
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}" if place else str(item["ctx"]["error"]), ""
+    if item["type"] in ("too_short", "too_long"):
+        limits = {name: item["ctx"][name] for name in ("min_length", "max_length") if name in item["ctx"]}
+        bound = " and ".join(
+            f"at {'least' if name == 'min_length' else 'most'} {size}" for name, size in limits.items()
+        )
+        return f"{place} has the length {item['ctx']['actual_length']}, {in_message(found)}", bound
+    if item["type"] == "tuple_type" and isinstance(found, dict):
+        return f"{place} is a single table", f"a list of tables; write [[{place}]]"
     if place == "dimensions":
         return f"dimensions is {in_message(found)}", "2 or 3"
     message = "a table" if item["type"] == "dataclass_type" else item["msg"].removeprefix("Input should be ")

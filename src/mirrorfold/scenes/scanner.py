@@ -21,6 +21,7 @@ from mirrorfold.scenes.arrays import (
     Count,
     Finite,
     NonNegativeLength,
+    Number,
     Point3,
     PositiveLength,
     both_ends_in_one_unit,
@@ -41,8 +42,8 @@ class Steps:
         Both ends included.
     """
 
-    start: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
-    stop: Annotated[float, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
+    start: Annotated[Number, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
+    stop: Annotated[Number, Field(ge=-WIDEST, le=WIDEST), Quantity("angle")]
     points: Annotated[Count, Field(ge=2)]
 
     _units = model_validator(mode="before")(both_ends_in_one_unit)

@@ -29,6 +29,7 @@ from mirrorfold.scenes.arrays import (
     Finite,
     NonNegative,
     NonNegativeLength,
+    Number,
     Point2,
     Point3,
     Positive,
@@ -38,9 +39,9 @@ from mirrorfold.scenes.messages import Entries, say_plainly
 from mirrorfold.scenes.scanner import Leakage, Scanner, Steps
 from mirrorfold.scenes.surfaces import Roughness
 
-Lifted = Annotated[float, Field(ge=0, le=170), Quantity("angle")]
-Bent = Annotated[float, Field(ge=0, le=150), Quantity("angle")]
-Share = Annotated[float, Field(ge=0, le=1)]
+Lifted = Annotated[Number, Field(ge=0, le=170), Quantity("angle")]
+Bent = Annotated[Number, Field(ge=0, le=150), Quantity("angle")]
+Share = Annotated[Number, Field(ge=0, le=1)]
 TALLEST_BODY = 2.5
 """Largest height of a mannequin [m]: a taller one was probably given in another unit."""
 
@@ -228,7 +229,7 @@ class Mannequin(_Solid):
     heading: AnyAngle = 0.0
     arms: tuple[Lifted, Lifted] = (12.0, 12.0)
     elbows: tuple[Bent, Bent] = (10.0, 10.0)
-    stride: Annotated[float, Field(ge=-45, le=45), Quantity("angle")] = 0.0
+    stride: Annotated[Number, Field(ge=-45, le=45), Quantity("angle")] = 0.0
 
     def __post_init__(self) -> None:
         if self.height > TALLEST_BODY:

@@ -14,7 +14,7 @@ from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.simulation.horns import point_sources
-from mirrorfold.simulation.limits import check_extent
+from mirrorfold.simulation.limits import check_clearance, check_extent
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
@@ -167,6 +167,7 @@ def simulate(
     if solver == "rays":
         from mirrorfold.simulation.rays.sweep import scattered_field
 
+        check_clearance(scene)
         fields = []
         for part, one in enumerate(waves):
             scattered = scattered_field(
@@ -306,6 +307,7 @@ def estimate(
     if solver != "fullwave":
         from mirrorfold.simulation.rays.tiles import estimate_rays
 
+        check_clearance(scene)
         return estimate_rays(point_sources(scene)[0], bounces=bounces, seed=seed, memory_limit=memory_limit)
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import Arc, Circle
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
@@ -21,6 +23,10 @@ REACH_IN_AMBIGUOUS_RANGES = 10.0
 REACH_IN_WAVELENGTHS = 1e5
 """Largest plausible distance of a surface: this many ambiguous ranges, or this many wavelengths at the top of the band,
 whichever is longer. A surface farther away was given in a wrong unit, or is out of reach of the radar."""
+
+CLEARANCE = 0.5 / np.pi
+"""Least distance of antennas from surfaces in wavelengths, ``k d = 1``: nearer, the field of a source is not yet the
+wave ``exp(-j k d) / sqrt(d)``."""
 
 COPIES = 3.0
 """Number of arrays of the size of the sweep that a simulation holds at once."""
@@ -40,6 +46,32 @@ def check_extent(scene: Scene | Scene3D) -> None:
     _check_samples(scene)
     _check_frequencies(scene)
     _check_surfaces(scene)
+
+
+def check_clearance(scene: Scene) -> None:
+    """Refuse antennas on a surface, or inside a wall, where rays do not describe the field.
+
+    Raises
+    ------
+    InputError
+        The message names the antenna, the surface and the least distance.
+    """
+    wavelength = speed_of_light / scene.band.stop
+    antennas = np.unique(np.concatenate([scene.array.tx_position, scene.array.rx_position])[:, :2], axis=0)
+    for index, surface in enumerate(scene.surface):
+        least = CLEARANCE * wavelength + 0.5 * (getattr(surface, "thickness", None) or 0.0)
+        # Chords of a circle lie inside of it by their square over eight radii.
+        chord = float(np.sqrt(8.0 * surface.radius * least)) if isinstance(surface, Arc | Circle) else COARSE
+        for piece in surface.pieces(chord):
+            for start, end in pairwise(piece):
+                along = np.clip((antennas - start) @ (end - start) / np.sum((end - start) ** 2), 0.0, 1.0)
+                away = np.linalg.norm(antennas - start - along[:, None] * (end - start), axis=1)
+                if away.min() < least:
+                    x, y = antennas[np.argmin(away)]
+                    raise InputError(
+                        f"array: the antenna at ({x:.6g}, {y:.6g}) m stands on surface[{index}] {surface.name!r}, "
+                        f"{away.min():.2g} m from it; expected at least {least:.2g} m, move one of the two"
+                    )
 
 
 def _check_samples(scene: Scene | Scene3D) -> None:
