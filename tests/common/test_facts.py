@@ -57,3 +57,26 @@ def test_a_place_on_the_floor_is_as_good_as_one_in_space():
     assert radar_place({}).tolist() == [0.0, 0.0, 0.0]
     flat, full = (mf.fold(VOLUME.assign_attrs(radar_position=place)) for place in ([1.0, 2.0], [1.0, 2.0, 0.0]))
     xr.testing.assert_identical(flat["objects"].to_dataset(), full["objects"].to_dataset())
+
+
+@pytest.mark.parametrize("dims", [("elevation", "range", "azimuth"), ("azimuth", "elevation", "range")])
+def test_a_volume_in_another_order_is_told_how_to_sort_it(dims):
+    with pytest.raises(mf.InputError, match=r"image\.transpose\('range', 'azimuth', 'elevation'\) sorts them"):
+        mf.fold(VOLUME.transpose(*dims))
+
+
+def test_voxels_in_another_order_are_told_how_to_sort_them():
+    voxels = mf.to_voxels(VOLUME, x=AXIS, y=1.2 + AXIS, z=AXIS)
+    with pytest.raises(mf.InputError, match=r"image\.transpose\('z', 'y', 'x'\) sorts them"):
+        mf.fold(voxels.transpose("y", "x", "z"))
+
+
+def test_a_volume_of_another_tool_is_told_how_it_becomes_one_of_ours(tmp_path):
+    axes = {name: VOLUME[name].values for name in VOLUME.dims}
+    np.savez(tmp_path / "scan.npz", image=VOLUME.values, **axes)
+    with pytest.raises(
+        mf.InputError, match=r"seems to be a volume of range, azimuth and elevation; make it .* mf\.save"
+    ):
+        mf.import_image(tmp_path / "scan.npz")
+    mf.save(xr.DataArray(VOLUME.values, dims=VOLUME.dims, coords=axes), tmp_path / "scan.nc")
+    assert mf.load(tmp_path / "scan.nc").shape == VOLUME.shape

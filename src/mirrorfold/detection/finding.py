@@ -27,15 +27,13 @@ from mirrorfold.detection.search import lines, planes
 from mirrorfold.detection.search.arcs import find_arcs
 from mirrorfold.detection.search.round_sheets import find_round_sheets
 from mirrorfold.detection.views.image_view import ImageView, to_image_view
-from mirrorfold.detection.views.view import View
+from mirrorfold.detection.views.view import VOLUME, VOXELS, View
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
 """The resolution cell of a scene is that at the range within which this share of the strong echoes lies: in an image,
 and in a volume."""
-
-VOLUME = ("range", "azimuth", "elevation")
 
 Finder = Callable[..., Sequence[Mirror]]
 """A function that finds mirrors, with the arguments and the result of `find_mirrors`."""
@@ -54,7 +52,7 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
     """
     if isinstance(image, xr.DataArray) and image.dims == VOLUME:
         return to_volume_view(image, normalization=normalization)
-    if isinstance(image, xr.DataArray) and image.dims == ("z", "y", "x"):  # the strongest voxel of each column
+    if isinstance(image, xr.DataArray) and image.dims == VOXELS:  # the strongest voxel of each column
         image = abs(image).max("z", skipna=False, keep_attrs=True)
     return to_image_view(image, normalization=normalization)
 

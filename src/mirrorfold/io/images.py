@@ -151,6 +151,15 @@ def _image(
         chosen = axes[axis]
         if chosen is None:
             chosen = _named(contents, axis, 1) or _named(contents, axis, values.ndim)
+        if (
+            chosen is None
+            and values.ndim == 3
+            and {"range", "azimuth", "elevation"} <= {*map(_last, contents.variables)}
+        ):
+            raise InputError(
+                f"{contents.path}: {name!r} {values.shape} seems to be a volume of range, azimuth and elevation; make "
+                "it an xarray.DataArray with these dimensions [m, degree] in Python, and write it by mf.save"
+            )
         if chosen is None:
             raise InputError(
                 f"{contents.path}: does not say the {axis} of the pixels of {name!r} {values.shape}; save a variable "

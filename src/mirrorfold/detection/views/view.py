@@ -24,6 +24,9 @@ DEVIATION = 0.3
 """Standard deviation of the distribution of an echo's power about its position, in half-amplitude widths of the
 resolution cell: for the main lobe of the Hann window, and for a Gaussian beam there and back."""
 
+VOLUME, VOXELS = ("range", "azimuth", "elevation"), ("z", "y", "x")
+"""Dimensions of the volume of a raster scan, and of voxels."""
+
 NEGATIVE_SHARE = 0.9
 """Share of negative pixels above which an image holds levels in dB, which are negative everywhere but at the peak. Real
 parts of waves are negative at half of all pixels."""
@@ -278,8 +281,9 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
     if not isinstance(image, xr.DataArray) or image.dims != dims:
         found = getattr(image, "dims", type(image).__name__)
         many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
-        if sorted(map(str, found)) == sorted(dims):
-            many = f"; image.transpose({', '.join(map(repr, dims))}) sorts them"
+        for axes in (dims, VOXELS, VOLUME):
+            if sorted(map(str, found)) == sorted(axes):
+                many = f"; image.transpose({', '.join(map(repr, axes))}) sorts them"
         raise InputError(f"image: has dimensions {found}, expected an image with dimensions {dims}{many}")
     for name in dims:
         if name not in image.coords or image.sizes[name] < 4:
