@@ -29,7 +29,7 @@ from mirrorfold.detection.search import lines
 from mirrorfold.detection.views.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import completion, kinds, measured, ordering, rounds
+from mirrorfold.tree import completion, kinds, lines_of_sight, measured, ordering, rounds
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining import explained_by_tree
 from mirrorfold.tree.explaining.half_shadows import Overhangs
@@ -52,6 +52,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
     "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
     "what casts no shadow": ({ordering: {"without_shadow": lambda objects, *given: objects}}, {}),
+    "ends of shadows": ({lines_of_sight: {"shadow_ends": lambda objects, view: np.full(len(objects), np.inf)}}, {}),
     "far side lobes": ({explained_by_tree: {"outshone": nobody}}, {}),
     "walls behind objects": (
         {completion: {"beyond_shadows": lambda mirror, *given: mirror, "joined": lambda *given: []}},
