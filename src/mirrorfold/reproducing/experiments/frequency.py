@@ -42,6 +42,10 @@ LONG_CORRELATION = 1e-3
 """Correlation length of all rough surfaces in the scenes that full waves are solved for [m]: 0.2 mm would take as many
 unknowns at 60 GHz as at 300 GHz."""
 
+QUICK_WAVES = (60e9, 2.7e9, 0.21)
+"""Frequency [Hz], bandwidth [Hz] and aperture [m] for which a quick run solves for full waves. The resolution cells are
+those of 80 GHz, a bandwidth of 3.4 percent and an aperture of 16 cm, and the unknowns are fewer."""
+
 WAVE_TOLERANCE, QUICK_WAVE_TOLERANCE = 5e-3, 1e-2
 """Tolerance of the full waves, and of those of a quick run: 40 dB below the mean power of a sample."""
 
@@ -103,8 +107,9 @@ def run(work: Work) -> Findings:
             "Rays, with noise of the electronics that `plan` assumes (0 dBm, 20 dBi, noise figure 20 dB in 10 kHz) at "
             "all frequencies. Walls conduct; other materials mirror 5 to 12 dB less. Air's absorption, 0.1 dB over 6 m "
             "outside of the lines of water, is left out.",
-            "Full waves: an aperture of 16 cm, a bandwidth of 3.4 percent, heights with a correlation length of 1 mm "
-            "in both solvers, and a tolerance of 5e-3.",
+            f"Full waves: an aperture of {work.size(16, 21)} cm, a bandwidth of {work.size('3.4 percent', '2.7 GHz')}, "
+            "heights with a correlation length of 1 mm in both solvers, and a tolerance of "
+            f"{work.size('5e-3', '1e-2')}.",
         ),
     )
 
@@ -119,15 +124,15 @@ def _tasks(quick: bool) -> list[Task]:
     rough = (150,) if quick else (110, 220, 450)
     narrow, wide = ((100,), ()) if quick else ((60, 80, 110, 150, 220, 300), (60, 80, 110, 150))
     lossy = () if quick else (110, 220)
-    wave = (80,) if quick else (60, 80, 110)
+    waves = [QUICK_WAVES] if quick else [(f * 1e9, SHARE * f * 1e9, APERTURES[2]) for f in (60, 80, 110)]
     tasks: list[Task] = []
 
     def add(group: str, setting: Setting, count: int | None = None, **options: Any) -> None:
         seeds = [1] if quick else range(count or _scenes(setting.frequency))
         tasks.extend((group, setting, seed, options) for seed in seeds)
 
-    for f in wave:
-        setting = Setting(frequency=f * 1e9, bandwidth=SHARE * f * 1e9, aperture=APERTURES[2])
+    for frequency, bandwidth, aperture in waves:
+        setting = Setting(frequency=frequency, bandwidth=bandwidth, aperture=aperture)
         setting = replace(setting, correlation_length=LONG_CORRELATION, object_correlation=LONG_CORRELATION)
         add("rays beside full waves", setting, 4)
         add("full waves", setting, 4, solver="fullwave", tolerance=QUICK_WAVE_TOLERANCE if quick else WAVE_TOLERANCE)
