@@ -16,6 +16,7 @@ from mirrorfold.common.geometry import Isometry, segment_normal
 from mirrorfold.common.types import Array
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.reproducing.findings import Claim, Findings, Table
+from mirrorfold.reproducing.parts.pixels import pixels_within
 from mirrorfold.reproducing.parts.scenes import plan_scene
 from mirrorfold.reproducing.work import Work
 
@@ -32,6 +33,9 @@ POST, RADIUS = (0.0, 1.45), 0.06
 REACH = 0.3
 """Echoes up to this distance from the middle of the post's image are of the post [m]: nothing else is so near."""
 
+QUICK_VIEW = (-2.1, 2.8), (0.1, 3.4)
+"""First and last x and y [m] of the pixels of a quick run, which hold both walls, the post and all their images."""
+
 FOLDS = {"": "in line of sight", "0": "in the right wall", "0/0": "in the left wall, seen in the right wall"}
 """How the post is seen, by the chain of mirrors."""
 
@@ -45,7 +49,8 @@ def run(work: Work) -> Findings:
     figures, rows, numbers, parts = {}, [], {}, {}
     for number, walls in enumerate(({"right": RIGHT}, {"right": RIGHT, "left": LEFT}), 1):
         scene = _scene(walls, elements=work.size(161, 121), points=work.size(401, 281))
-        reconstruction = mf.reconstruct(work.sweep(scene))
+        sweep = work.sweep(scene)
+        reconstruction = mf.reconstruct(sweep, **work.size({}, pixels_within(sweep, *QUICK_VIEW)))
         work.step(number, 2)
         points = confident_points(reconstruction)
         for chain, way in list(FOLDS.items())[: number + 1]:
