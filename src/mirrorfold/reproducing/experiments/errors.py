@@ -30,7 +30,9 @@ from mirrorfold.reproducing.parts.hall import (
     image_mirrors,
     unfolding,
 )
+from mirrorfold.reproducing.parts.pixels import pixels_within
 from mirrorfold.reproducing.parts.stated import stated_errors
+from mirrorfold.reproducing.parts.two_walls_family import VIEW
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import draw
 from mirrorfold.scenes.floor_plan import Scene
@@ -75,7 +77,8 @@ def run(work: Work) -> Findings:
             array = scene.array
             scene = replace(scene, array=replace(array, elements=work.size(array.elements, 81)))
             sweep = work.sweep(scene, seed=number)
-            stated.append(work.kept(partial(_stated, sweep, scene)))
+            pixels = work.size({}, pixels_within(sweep, VIEW[0], (0.0, VIEW[1])))
+            stated.append(work.kept(partial(_stated, sweep, scene, pixels)))
             work.step(3 + len(stated), steps)
     merged = {name: np.concatenate([one[name] for one in stated]) for name in stated[0]}
     numbers = _numbers(moved, antennas, merged) | {"fold_program_over_formula": folded, "fold_difference_m": farthest}
@@ -217,9 +220,9 @@ def _folded_by_program(work: Work) -> tuple[float, float]:
     return float(np.sqrt(np.sum(moved) / np.sum(expected))), farthest
 
 
-def _stated(sweep: xr.Dataset, scene: Scene) -> dict[str, list[float]]:
+def _stated(sweep: xr.Dataset, scene: Scene, pixels: dict[str, Any]) -> dict[str, list[float]]:
     """The errors of the reconstruction of a sweep, over the standard errors that it states."""
-    return stated_errors(mf.reconstruct(sweep), scene)
+    return stated_errors(mf.reconstruct(sweep, **pixels), scene)
 
 
 def _numbers(moved: xr.Dataset, antennas: xr.Dataset, stated: dict[str, Array]) -> dict[str, float]:
