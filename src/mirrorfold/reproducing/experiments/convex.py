@@ -22,6 +22,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.hall import ELEMENTS, PITCH, RADIUS, START, STOP
+from mirrorfold.reproducing.parts.pixels import pixels_within
 from mirrorfold.reproducing.parts.point_image import PointImage
 from mirrorfold.reproducing.parts.scenes import plan_scene, random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
@@ -47,6 +48,9 @@ REACH = 0.09
 CLOSE = 0.05
 """Largest relative difference at which a measured number agrees with the predicted one."""
 
+QUICK_VIEW = (-1.3, 1.8), (0.3, 3.3)
+"""First and last x and y [m] of the pixels of a quick run, which hold its scene and what the pillar shows."""
+
 EXAMPLE = 0.2
 """Radius of the pillar that the claims are about [m]."""
 
@@ -71,10 +75,10 @@ def run(work: Work) -> Findings:
         scene: Any = draw("pillar", seed)
         sweep = work.sweep(scene, solver="rays", seed=seed)
         if work.quick:  # which shows a scene that is scored
-            folded = _folded(sweep)
+            folded = _folded(sweep, pixels_within(sweep, *QUICK_VIEW))
             scene_scores.append(_hidden_scores(scene, folded))
         else:
-            scene_scores.append(work.kept(lambda: _hidden_scores(scene, _folded(sweep))))  # noqa: B023
+            scene_scores.append(work.kept(lambda: _hidden_scores(scene, _folded(sweep, {}))))  # noqa: B023
         work.step(len(radii) + number + 1, total)
     for name in scene_scores[0]:
         data[name] = "scene", [one[name] for one in scene_scores], {"units": "1"}
@@ -237,9 +241,9 @@ def view_of(radius: float, count: int = 20001) -> tuple[float, float]:
     return float(seen), float(shown)
 
 
-def _folded(sweep: xr.Dataset) -> dict[str, xr.DataTree]:
-    """Reconstructions from the sweep alone, with and without a search for curved mirrors."""
-    plan = FoldPlan(mf.focus(sweep, tolerance=1e-3), sweep=sweep)
+def _folded(sweep: xr.Dataset, pixels: dict[str, Any]) -> dict[str, xr.DataTree]:
+    """Reconstructions with and without a search for curved mirrors; without `pixels`, from the sweep alone."""
+    plan = FoldPlan(mf.focus(sweep, **pixels, tolerance=1e-3), sweep=sweep)
     return {name: plan.fold(curved=curved) for name, curved in (("curved", True), ("flat", False))}
 
 
