@@ -27,6 +27,7 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
+from mirrorfold.reproducing.parts.pixels import pixels_within
 from mirrorfold.reproducing.parts.scenes import shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.floor_plan import Scene
@@ -49,6 +50,9 @@ THRESHOLD_DB = -24.0
 """Threshold of echoes, instead of the usual -18 dB, which is for scenes of one material: the wood of the roll reflects
 16 dB less than the foil on the boxes, which set the reference, and its diffuse echoes fall around the usual
 threshold."""
+
+QUICK_VIEW = (-1.0, 1.4), (0.6, 3.2)
+"""First and last x and y [m] of the pixels of a quick run, which hold the scene and its ghosts."""
 
 BEYOND = 0.02
 """An echo deeper than this behind the drywall's face is no echo of the drywall itself [m]."""
@@ -84,7 +88,7 @@ def run(work: Work) -> Findings:
             calibrated, worst = _calibrated(read, of_sphere, drawn)
             images = [mf.focus(one, x=np.arange(-1.0, 1.4, 5e-3), y=np.arange(0.6, 3.2, 5e-3), tolerance=1e-3)
                       for one in (mf.calibrate.remove_cable(read, CABLE), calibrated)]  # fmt: skip
-            reconstruction, usual = _folded(calibrated)
+            reconstruction, usual = _folded(calibrated, work.size({}, pixels_within(calibrated, *QUICK_VIEW)))
             peaks = [float(np.abs(image.values).max()) for image in images]
             row = _judged(reconstruction, usual, truth) | {"worst_delay_m": worst, "files_apart": largest_difference}
             row["uncalibrated_db"] = 20.0 * float(np.log10(peaks[0] / peaks[1]))
@@ -217,12 +221,12 @@ def _draw(truth: Scene, drawn: Drawn, ideal: xr.Dataset, sphere: xr.Dataset) -> 
     """The numbers of a draw."""
     measured = _measured(ideal, drawn, drawn.seed), _measured(sphere, drawn, drawn.seed + 1)
     calibrated, worst = _calibrated(*measured, drawn)
-    return _judged(*_folded(calibrated), truth) | {"worst_delay_m": worst}
+    return _judged(*_folded(calibrated, {}), truth) | {"worst_delay_m": worst}
 
 
-def _folded(sweep: xr.Dataset) -> tuple[xr.DataTree, xr.DataTree]:
+def _folded(sweep: xr.Dataset, pixels: dict[str, Any]) -> tuple[xr.DataTree, xr.DataTree]:
     """Reconstructions of the sweep with `THRESHOLD_DB` and with the usual threshold."""
-    plan = FoldPlan(mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD), sweep=sweep)
+    plan = FoldPlan(mf.focus(sweep, **pixels, tolerance=TOLERANCE_TO_FOLD), sweep=sweep)
     return plan.fold(threshold_db=THRESHOLD_DB), plan.fold()
 
 
