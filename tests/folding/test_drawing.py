@@ -50,11 +50,12 @@ def reflection(dimensions, angle, distance):
 @VIEWS
 def test_places_are_those_of_the_view(view):
     """By way of any map, in steps of the angles and of range; outside where the view has nothing."""
+    flat, aside = view.dimensions == 2, view.axes[0] if view.dimensions == 2 else view.axes[0] - view.middle
     grid = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2])
-                     for a in (view.axes[0], view.axes[-1], view.range)])  # fmt: skip
-    flat, frame = view.dimensions == 2, getattr(view, "frame", np.eye(3))
-    if not flat:
-        grid[:2, 2:] = np.tan(grid[:2, 2:])
+                     for a in (aside, view.axes[-1], view.range)])  # fmt: skip
+    frame = view.frame
+    if not flat:  # azimuths by the tangent of half the angle, elevations by that of the whole
+        grid[:2, 2:] = np.tan([[0.5], [1.0]] * grid[:2, 2:])
     fold = reflection(view.dimensions, 10.0, 0.3)
     random = np.random.default_rng(2)
     inside_ones = 0

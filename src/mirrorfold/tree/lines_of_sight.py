@@ -94,9 +94,10 @@ def shadow_ends(objects: Echoes, view: View) -> Array:
 
     The elements of an array look past an object on different sides of it. Of an array of length L across the line of
     sight, an object of width w at the range r hides ``w / (1 - r / range)`` from a place behind it: less than half of
-    the array from the range ``r / (1 - 2 w / L)`` on. Infinite for wider objects, and in a volume.
+    the array from the range ``r / (1 - 2 w / L)`` on, with L the shorter of both arrays. Infinite for wider objects,
+    for one moving antenna, in a volume, and where the array is not known.
     """
-    if not isinstance(view, ImageView):
+    if not isinstance(view, ImageView) or not np.isfinite(view.wavelength):
         return np.full(len(objects), np.inf)
     number = object_numbers(view, objects.range, objects.direction)
     count, u = int(number.max(initial=-1)) + 1, view.u[objects.direction]
@@ -105,7 +106,8 @@ def shadow_ends(objects: Echoes, view: View) -> Array:
     np.minimum.at(first, number, u)
     np.maximum.at(last, number, u)
     slant = 1.0 - np.square(0.5 * (first + last))  # cosine of the angle off broadside, squared
-    width, half = range_ * (last - first + 2.0 * view.covered_angle), 0.5 * view.shorter_array * slant
+    half = 0.5 * slant * view.wavelength * min(view.aperture_tx, view.aperture_rx)
+    width = range_ * (last - first + 2.0 * view.covered_angle)
     return np.divide(range_ * half, half - width, out=np.full(count, np.inf), where=width < half)[number]
 
 

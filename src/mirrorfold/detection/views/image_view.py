@@ -189,11 +189,6 @@ class ImageView(View):
         """
         return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
 
-    @property
-    def shorter_array(self) -> float:
-        """Length [m] of the shorter of both arrays; zero for one moving antenna, and where the arrays are not known."""
-        return self.wavelength * min(self.aperture_tx, self.aperture_rx) if np.isfinite(self.wavelength) else 0.0
-
     def on_radar(self, points: Array, reach: Array | float) -> Mask:
         """Which points (n, 2) lie at most `reach` [m] from the line of the array, which is as long as `glint`, (n,)."""
         if not np.isfinite(self.wavelength):
