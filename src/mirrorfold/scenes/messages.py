@@ -96,11 +96,9 @@ def _explain(item: Any, entries: Entries) -> tuple[str, str]:
     if item["type"] == "value_error":
         return f"{place}: {item['ctx']['error']}" if place else str(item["ctx"]["error"]), ""
     if item["type"] in ("too_short", "too_long"):
-        limits = {name: item["ctx"][name] for name in ("min_length", "max_length") if name in item["ctx"]}
-        bound = " and ".join(
-            f"at {'least' if name == 'min_length' else 'most'} {size}" for name, size in limits.items()
-        )
-        return f"{place} has the length {item['ctx']['actual_length']}, {in_message(found)}", bound
+        told = item["ctx"]
+        bound = f"at least {told['min_length']}" if "min_length" in told else f"at most {told['max_length']}"
+        return f"{place} has the length {told['actual_length']}, {in_message(found)}", bound
     if item["type"] == "tuple_type" and isinstance(found, dict):
         return f"{place} is a single table", f"a list of tables; write [[{place}]]"
     if place == "dimensions":
