@@ -4,6 +4,7 @@ with the package; the site is built without warnings and needs no network.
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import shlex
 import shutil
@@ -60,6 +61,23 @@ def test_files_that_pages_and_settings_name_exist():
     for file in files:
         for name in named.findall(file.read_text(encoding="utf-8")):
             assert (ROOT / name).exists() or name in NONE_YET, f"{file.name} names {name}"
+
+
+def test_modules_and_functions_that_pages_name_exist():
+    package = ROOT / "src/mirrorfold"
+    modules = {path.name for path in ROOT.rglob("*.py") if ".venv" not in path.parts[len(ROOT.parts)]}
+    folders = "|".join(sorted(path.name for path in package.iterdir() if (path / "__init__.py").exists()))
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for name in re.findall(r"`(?:[a-z_]+/)*([a-z_]+\.py)`", text):
+            assert name in modules, f"{page.name} names {name}"
+        for name in re.findall(rf"`(?:mirrorfold\.)?((?:{folders})(?:\.[A-Za-z_]+)+)`", text):
+            if name.endswith((".py", ".jsonl")):
+                continue
+            try:
+                pkgutil.resolve_name(f"mirrorfold.{name}")
+            except (AttributeError, ImportError):
+                pytest.fail(f"{page.name} names {name}")
 
 
 def test_what_pages_show_as_toml_is_toml():
