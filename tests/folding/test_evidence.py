@@ -35,6 +35,7 @@ from mirrorfold.folding.points import fold_back
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
+from mirrorfold.tree.rounds import OWN_SHARE
 
 WALL = LineMirror(np.array([-0.3, 1.0]), np.array([0.3, 1.0]), angle_error=0.5, offset_error=2e-3)
 
@@ -81,7 +82,9 @@ def test_shares_are_averaged_over_cells_in_which_they_are_known(view):
     points = fold_back(found_of(view, cells(view, (40, 0), (40.1, 0), (42, 0), (44, 0), (70, 0)), mirror=None).tree)
     points = replace(points, confocal=np.array([0.9, 0.7, 1.0, np.nan, 0.1]))
     given = features(points, view, np.zeros(5), np.zeros(5))
-    assert_allclose(given[:, 4], [0.9, 0.9, 0.9, 1.0, LEAST_SHARE])
+    assert_allclose(given[:, 4], [0.9, 0.9, 0.9, 1.0, 0.1])
+    partly = replace(points, confocal=np.array([0.6, 0.6, 0.6, np.nan, 0.6]))
+    assert_allclose(features(partly, view, np.zeros(5), np.zeros(5))[:, 4], LEAST_SHARE)
     alone = replace(points, confocal=np.array([np.nan, np.nan, np.nan, np.nan, 0.8]))
     assert_array_equal(np.isnan(features(alone, view, np.zeros(5), np.zeros(5))[:, 4]), [True] * 4 + [False])
 
@@ -123,13 +126,17 @@ def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
     direct, behind, on_it = (expit(weight[0] + 20.0 * weight[1]) for weight in WEIGHTS.values())
     # What is seen in a mirror is no likelier than the mirror.
     assert_allclose(points.confidence, [direct, behind * on_it, on_it])
-    points = with_confidence(fold_back(found.tree), found, lambda place, amplitude: np.array([1.0, 0.0]))
+    points = with_confidence(fold_back(found.tree), found, lambda place, amplitude: np.array([1.0, OWN_SHARE]))
     seen, hidden, _ = WEIGHTS_MEASURED.values()
     direct = expit(seen[0] + 20.0 * seen[1] + seen[4])
     behind = expit(hidden[0] + 20.0 * hidden[1] + LEAST_SHARE * hidden[4])
     assert_allclose(points.confidence, [direct, behind * on_it, on_it])
     assert mirror_confidence(points, "0") == pytest.approx(on_it)
     assert mirror_confidence(points, "7") == 1.0
+    # If most of the energy came back another way, strong echoes are doubted, too.
+    for share in (0.0, OWN_SHARE - 0.01):
+        doubted = with_confidence(fold_back(found.tree), found, lambda place, amplitude, s=share: np.array([1.0, s]))
+        assert doubted.confidence[1] < 0.1 * behind
 
 
 @pytest.mark.parametrize("weights", [WEIGHTS, WEIGHTS_MEASURED], ids=["image alone", "measured"])

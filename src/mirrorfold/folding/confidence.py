@@ -25,6 +25,7 @@ from mirrorfold.detection.mirrors.mirror import turns
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree, place_covariance
+from mirrorfold.tree.rounds import OWN_SHARE
 
 TRUE_CELLS = 1.5
 """A point is true if a surface stands within this many resolution cells of it."""
@@ -40,8 +41,9 @@ LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB = -20.0, 10.0
 """Limits of the level against the face of the mirror [dB]: lower and higher levels count as these."""
 
 LEAST_SHARE = 0.7
-"""Lower limit of the share of energy that came back the way it went; smaller shares count as this. What arrives from
-elsewhere at the same range lowers the share of a true echo, too."""
+"""Share of energy that came back the way it went, as which smaller shares down to `OWN_SHARE` count: what arrives from
+elsewhere at the same range lowers the share of a true echo, too. With less than `OWN_SHARE`, most of the energy came
+back another way, and the share counts as it is."""
 
 WEIGHTS = {
     "in line of sight": (-1.9, 0.02, 1.7, 0.0),
@@ -153,10 +155,11 @@ def features(points: Points, view: View, mirror_error: Array, over_face: Array) 
     for each in range(kind.max(initial=-1) + 1):
         own = kind == each
         count[own], share[own] = _neighbours(cells[own], share[own])
+    share = np.where(share < OWN_SHARE, share, np.maximum(share, LEAST_SHARE))
     excess = to_db(points.amplitude / np.maximum(points.exceeded, np.finfo(float).tiny))
     return np.column_stack([
         np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count),
-        np.minimum(mirror_error, LARGEST_MIRROR_ERROR), np.maximum(share, LEAST_SHARE),
+        np.minimum(mirror_error, LARGEST_MIRROR_ERROR), share,
         np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB),
     ])  # fmt: skip
 
