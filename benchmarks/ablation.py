@@ -51,7 +51,8 @@ def nobody_at_all(found: Found, view: View) -> dict[Chain, Mask]:
 WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "(all parts)": ({}, {}),
     "mirrors seen edge-on": ({completion: {"edge_on": lambda *given: []}}, {}),
-    "what casts no shadow": ({ordering: {"without_shadow": lambda objects, *given: objects}}, {}),
+    "what casts no shadow": ({ordering: {"levels_behind": lambda *given: None}}, {}),
+    "small objects": ({lines_of_sight: {"POINT_CELLS": 0}}, {}),
     "ends of shadows": ({lines_of_sight: {"shadow_ends": lambda objects, view: np.full(len(objects), np.inf)}}, {}),
     "far side lobes": ({explained_by_tree: {"outshone": nobody}}, {}),
     "walls behind objects": (

@@ -15,11 +15,13 @@ from mirrorfold.tree.lines_of_sight import (
     CLEAR_DB,
     ITSELF_CELLS,
     OPEN_CELLS,
+    POINT_CELLS,
     ROOT,
     UNSEEN,
     Cover,
     LinesOfSight,
     hidden_at,
+    hiding_levels,
     images_of_radar,
     shadow_ends,
     through_at,
@@ -49,6 +51,22 @@ def test_an_object_hides_what_is_behind_it_unless_that_is_much_stronger(view):
         (2.9, 1.01 * 2.0 * LEVEL, True), (2.9, 2.0 * LEVEL, False),
     ):  # fmt: skip
         assert cover.clear(np.array([range_]), ahead, amplitude)[0] == clear
+
+
+def test_a_small_object_hides_no_more_than_its_brightest_cell_says(view):
+    """As often as one cell fades by 20 dB, the brightest of a few fades by the level that is allowed for it."""
+    random = np.random.default_rng(0)
+    for cells in range(1, POINT_CELLS + 3):
+        places = np.column_stack([np.zeros(cells), 1.0 + RANGE_CELL * np.arange(cells)])
+        level = hiding_levels(echoes_at(view, places, np.append(np.full(cells - 1, 0.5), 3.0)), view)
+        if cells > POINT_CELLS:
+            assert_allclose(level, LEVEL * np.append(np.full(cells - 1, 0.5), 3.0))
+            continue
+        intensity = random.exponential(size=(200_000, cells)).max(axis=1)
+        exceeds = np.mean(intensity * (level[-1] / 3.0) ** 2 < 1.0)  # the mean is above what is taken for its limit
+        assert exceeds == pytest.approx(0.01, abs=0.001)
+        assert_allclose(level[:-1], min(level[-1], 0.5 * LEVEL))
+        assert level[-1] <= 3.0 * LEVEL * (1.0 + 1e-12)
 
 
 def test_the_array_looks_around_an_object_that_is_narrower_than_half_of_it(view):

@@ -16,6 +16,7 @@ import numpy as np
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, View
+from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.tree.grouping import object_numbers
 
@@ -23,6 +24,10 @@ CLEAR_DB = 20.0
 """An echo is no multiple scattering of the objects in front of it if it is stronger than each of them by this many
 decibels. Multiple scattering is weaker than the object that scatters, but speckle fades the object's own echo by up to
 20 dB. The glint of a corner is 40 dB stronger than the edge of its own leg, and so stays."""
+
+POINT_CELLS = 4
+"""An object that fills at most so many resolution cells, two by two, is a point to the radar: a wave that goes by way
+of it and of something else spreads twice, and is weaker than its own echo."""
 
 OUTSHINES_DB = 6.0
 """An echo that exceeds the median of speckle by this many decibels is no speckle: the brightest of ten speckles exceeds
@@ -62,16 +67,16 @@ class Cover(NamedTuple):
         return cls(*np.empty((3, 0, directions)))
 
     @classmethod
-    def of(cls, objects: Echoes, view: View) -> Cover:
-        """What objects hide.
+    def of(cls, objects: Echoes, view: View, levels: Array | None = None) -> Cover:
+        """What objects hide, up to `levels` (n,), or else up to their `hiding_levels`.
 
         In the directions that it covers, an object hides all that is farther behind it than an object is deep
-        (`View.object_depth`), unless that is stronger than the object by `CLEAR_DB`. Beyond its shadow (`shadow_ends`)
-        it hides nothing.
+        (`View.object_depth`), unless that is stronger than its level. Beyond its shadow (`shadow_ends`) it hides
+        nothing.
         """
         row, direction = view.within(objects.position, view.covered_angle)
         begin = (objects.range + view.object_depth(objects.range))[row]
-        level = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude[row]
+        level = (hiding_levels(objects, view) if levels is None else levels)[row]
         until = shadow_ends(objects, view)[row]
         table = _steps(direction, begin, until, level, view)
         # A step says something if it is higher than all steps before it that do not end.
@@ -87,6 +92,25 @@ class Cover(NamedTuple):
             within = (step[direction] <= range_) & (range_ < until[direction])
             hidden = np.maximum(hidden, np.where(within, level[direction], 0.0))
         return np.asarray(amplitude > hidden)
+
+
+def hiding_levels(objects: Echoes, view: View) -> Array:
+    """Amplitude up to which echoes behind each echo of an object may be multiple scattering of that object, (n,).
+
+    It is the echo's own amplitude and `CLEAR_DB`. Of an object that is as small as a point (`POINT_CELLS`), it is at
+    most its mean amplitude, as far as speckle may hide that: with the probability ``(1 - exp(-f))^k``, all of k cells
+    with speckle are fainter than f times the mean intensity. Fades that are as rare as one cell's by `CLEAR_DB`, one in
+    a hundred, are 10 dB for two cells, 6 dB for three and 4 dB for four.
+    """
+    own = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude
+    number = object_numbers(view, objects.range, objects.direction)
+    brightest = brightest_of(number, objects.amplitude)
+    filled = np.unique(np.column_stack([number, np.rint(view.in_cells(objects.position))]), axis=0)[:, 0]
+    cells = np.bincount(filled.astype(np.intp), minlength=brightest.size)
+    rare = -np.expm1(-(10.0 ** (-CLEAR_DB / 10.0)))
+    faded = -np.log1p(-(rare ** (1.0 / cells)))
+    mean = np.where(cells <= POINT_CELLS, brightest / np.sqrt(faded), np.inf)
+    return np.minimum(own, mean[number])
 
 
 def shadow_ends(objects: Echoes, view: View) -> Array:

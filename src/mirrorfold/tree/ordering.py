@@ -20,7 +20,7 @@ from mirrorfold.detection import Echoes, Mirror, View, fold_of
 from mirrorfold.detection.echoes import brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import faces
-from mirrorfold.tree.explaining.shadowless import without_shadow
+from mirrorfold.tree.explaining.shadowless import levels_behind
 from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, ROOT, UNSEEN, Cover, LinesOfSight
 
 if TYPE_CHECKING:
@@ -139,7 +139,8 @@ def _ordered(
     hides = echoes.visible & echoes.strong & (face == ROOT) & settings.opaque
     if walls is None:
         objects = echoes.take(hides)
-        cover = Cover.of(objects if settings.published else without_shadow(objects, mirrors, crossing, view), view)
+        levels = None if settings.published else levels_behind(objects, mirrors, crossing, view)
+        cover = Cover.of(objects, view, levels)
     else:
         nearest = crossing.min(axis=0, initial=np.inf)
         cover = Cover.of(echoes.take(hides & ~walls & (nearest[echoes.direction] < echoes.range)), view)

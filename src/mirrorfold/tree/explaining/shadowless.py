@@ -8,7 +8,6 @@ looks around it. Such an echo hides only echoes that are not clearly brighter th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import object_numbers
-from mirrorfold.tree.lines_of_sight import CLEAR_DB, OUTSHINES_DB
+from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, hiding_levels
 
 UNDIMMED_DB = 10.0
 """Largest drop of a wall's mean power over a beam below its usual level that speckle alone makes, without an object."""
@@ -28,16 +27,20 @@ SEEN_PAST = 0.5
 """A wall can test the shadows of objects if more than this share of it is seen past all of them."""
 
 
-def without_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Echoes:
-    """The objects, with lower amplitudes where they cast no shadow, so that they hide less.
+def levels_behind(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Array:
+    """Amplitude up to which echoes behind each echo of objects may be multiple scattering of them, (n,).
+
+    These are the `hiding_levels`; of objects that cast no shadow, at most `OUTSHINES_DB` over the echo itself.
 
     Parameters
     ----------
     objects, mirrors, crossing, view
         See `cast_no_shadow`.
     """
-    level = np.where(cast_no_shadow(objects, mirrors, crossing, view), 10.0 ** ((OUTSHINES_DB - CLEAR_DB) / 20.0), 1.0)
-    return replace(objects, amplitude=level * objects.amplitude)
+    outshone = np.where(
+        cast_no_shadow(objects, mirrors, crossing, view), 10.0 ** (OUTSHINES_DB / 20.0) * objects.amplitude, np.inf
+    )
+    return np.minimum(hiding_levels(objects, view), outshone)
 
 
 def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Mask:
