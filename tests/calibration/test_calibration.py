@@ -33,6 +33,20 @@ def test_the_time_gate_cuts_what_it_should_and_nothing_late_by_default():
             mf.calibrate.time_gate(both, start, stop)
 
 
+@pytest.mark.parametrize("stop", [None, 5.99])
+def test_a_gate_that_keeps_late_echoes_removes_leakage_at_no_range(stop):
+    """The end of the ambiguous range, 5.996 m, and range zero are neighbours in the transform."""
+    place = np.stack([np.linspace(-0.005, 0.005, 11), np.zeros(11), np.zeros(11)], axis=1)
+    frequency = np.linspace(290e9, 300e9, 401)
+    wavenumber = 2.0 * np.pi * frequency[:, None, None] / speed_of_light
+    leakage = 10.0 * np.exp(-1j * wavenumber * np.linalg.norm(place[:, None] - place, axis=-1))
+    echo = echoes(frequency, place, place, [(0.1, 1.0)])
+    sweep = mf.make_sweep(leakage + echo, frequency=frequency, tx_position=place, rx_position=place)
+    gated = mf.calibrate.time_gate(sweep, 0.3, stop)["s"].values
+    inner = slice(100, -100)
+    assert np.abs(gated - echo)[inner].mean() < 0.02 * np.abs(leakage).mean()
+
+
 @pytest.mark.parametrize("monostatic", [True, False])
 def test_the_time_gate_of_a_distant_scene_counts_around_its_centre(monostatic):
     """The ambiguous range is 1.5 m; the scene lies ten metres away and reaches 0.7 m to either side of its centre."""

@@ -21,7 +21,9 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
     """Remove from a sweep what arrives before one range or after another one.
 
     Late echoes are removed only where `stop` is given, because echoes of many bounces are of interest. The flanks of
-    the gate lie outside of both ranges; each is half a raised cosine, three range cells long.
+    the gate lie outside of both ranges; each is half a raised cosine, three range cells long. Only where early echoes
+    are removed and `stop` lies at the end of the ambiguous range, its flank lies before it: ranges beyond the end are
+    those of the earliest echoes, such as leakage into the receiver.
 
     Parameters
     ----------
@@ -55,10 +57,12 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
             f"time gate from {np.min(first):g} to {np.max(last):g} m, expected {np.max(earliest):.4g} <= start < stop "
             f"<= {np.min(latest):.4g} m, the ambiguous range{where}"
         )
+    flank = _flank(span, frequency.size)
+    end = np.where(first > earliest, np.minimum(last, np.maximum(first, latest - flank)), last)
     s = np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
 
     def kept(part: NDArray[np.complexfloating], some: slice) -> NDArray[np.complex128]:
-        ends = (end if np.ndim(end) == 0 else np.broadcast_to(end, s.shape[1:])[some] for end in (first, last))
+        ends = (one if np.ndim(one) == 0 else np.broadcast_to(one, s.shape[1:])[some] for one in (first, end))
         return gate_samples(part, span, *ends)
 
     gated = by_blocks(s, kept, axis=1)
@@ -79,6 +83,11 @@ def _unambiguous(sweep: xr.Dataset, span: float) -> tuple[Array, Array]:
     return middle - 0.5 * span, middle + 0.5 * span
 
 
+def _flank(span: float, count: int) -> float:
+    """Length [m] of each flank, with the ambiguous range `span` [m] and the number of frequencies."""
+    return FLANK_CELLS * span / count
+
+
 def gate_samples(
     s: NDArray[np.complexfloating], farthest: float, start: ArrayLike, stop: ArrayLike
 ) -> NDArray[np.complex128]:
@@ -88,7 +97,7 @@ def gate_samples(
     ambiguous range, `farthest` [m].
     """
     count = len(s)
-    flank = FLANK_CELLS * farthest / count
+    flank = _flank(farthest, count)
     start, stop = np.asarray(start), np.asarray(stop)
     middle, half = 0.5 * (start + stop), 0.5 * (stop - start)
     distance = (np.arange(count) * farthest / count).reshape(-1, *[1] * (s.ndim - 1)) - middle
