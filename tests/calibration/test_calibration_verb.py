@@ -118,6 +118,20 @@ def test_wrong_options_are_one_sentence_and_leave_nothing(session, capsys, optio
     assert sorted(path.name for path in session.iterdir()) == before
 
 
+def test_no_file_is_named_for_two_outputs(session, capsys):
+    sphere = ["--sphere", "sphere.nc", "--sphere-at", "0,0.8", "--save-elements", "./out.nc"]
+    assert main(["calibrate", "scene.nc", "-o", "out.nc", *sphere]) == 2
+    assert "out.nc: is named for two outputs" in capsys.readouterr().err
+
+
+def test_autofocus_of_a_raster_scan_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    axes = {"frequency": np.linspace(290e9, 300e9, 16), "azimuth": np.arange(4.0), "elevation": np.arange(2.0)}
+    mf.save(mf.make_raster_sweep(np.ones((16, 4, 2), np.complex64), **axes), "scan.nc")
+    assert main(["calibrate", "scan.nc", "-o", "out.nc", "--autofocus"]) == 2
+    assert "autofocus: is a raster scan, expected a sweep with s(frequency, tx, rx)" in capsys.readouterr().err
+
+
 def test_the_raw_file_is_never_overwritten(session, capsys):
     assert main(["calibrate", "scene.nc", "-o", "scene.nc", "--conjugate"]) == 2
     assert main(["calibrate", "scene.nc", "-o", "empty.nc", "--background", "empty.nc"]) == 2

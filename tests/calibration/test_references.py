@@ -52,6 +52,23 @@ def test_no_step_that_takes_the_instrument_away_is_undone_by_a_raw_background(st
     assert mf.calibrate.subtract_background(done, STEPS[step](empty))["s"].values.any()
 
 
+@pytest.mark.parametrize("step", ["elements", "reference", "cable"])
+def test_no_step_that_takes_the_instrument_away_is_undone_by_a_raw_reference(step):
+    scene, corner = sweep_of([(0.0, 0.9), (0.1, 0.5)]), sweep_of([(0.0, 1.2)])
+    done = STEPS[step](scene)
+    with pytest.raises(mf.InputError, match="reference: the sweep has been through the step"):
+        mf.calibrate.normalise_by_reference(done, corner, at=(0.0, 1.2))
+    assert mf.calibrate.normalise_by_reference(done, STEPS[step](corner), at=(0.0, 1.2))["s"].values.any()
+    clean = STEPS["background"](scene)  # what was added to the scene is no factor of the reference
+    assert mf.calibrate.normalise_by_reference(clean, corner, at=(0.0, 1.2))["s"].values.any()
+
+
+def test_no_calibration_of_elements_is_applied_twice():
+    once = STEPS["elements"](sweep_of([(0.0, 0.9), (0.1, 0.5)]))
+    with pytest.raises(mf.InputError, match=r"has been through 'delays and gains of the elements removed.* before"):
+        STEPS["elements"](once)
+
+
 def test_the_mean_of_a_scan_is_its_leakage():
     clean = sweep_of([(0.3, 0.5)], elements=41, shift=0.02)
     leakage = 30.0 * np.exp(-2j * np.pi / speed_of_light * clean["frequency"].values * 0.2)

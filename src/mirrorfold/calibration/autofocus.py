@@ -129,8 +129,14 @@ def _turned(
 
 
 def guide_grid(sweep: xr.Dataset) -> tuple[Array, Array]:
-    """Pixels x and y [m] of the image in which guide stars are chosen: everything that the array sees."""
-    frequency = sweep["frequency"].values.astype(float)
+    """Pixels x and y [m] of the image in which guide stars are chosen: everything that the array sees.
+
+    Raises
+    ------
+    InputError
+        If the sweep is none of pairs.
+    """
+    frequency = checked_pairs(sweep, "autofocus")["frequency"].values.astype(float)
     return default_grid(frequency, *positions(sweep), wave_speed(sweep), maximum_pixels=PIXELS)
 
 

@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.calibration.common_delay import fit_reflectors
 from mirrorfold.calibration.delays import Fit
-from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, with_samples
+from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, history, with_samples
 from mirrorfold.calibration.reflectors import positions
 from mirrorfold.common.arguments import boolean, wrong_kind
 from mirrorfold.common.types import Array
@@ -165,7 +165,7 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
     Raises
     ------
     InputError
-        If the array is another one, or has its antennas in another order.
+        If the array is another one, or has its antennas in another order, or the calibration has been applied before.
     """
     sweep, gains = checked_pairs(sweep, "sweep", several=True), boolean("gains", gains)
     if not isinstance(calibration, ElementCalibration):
@@ -190,6 +190,9 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
                 f"the {name} position {int(np.argmax(other))} of the sweep is that of another element of the "
                 "calibration; bring the antennas of both into one order"
             )
+    step = _step(calibration, ambiguous_range(sweep), gains=gains)
+    if step in history(sweep):
+        raise InputError(f"the sweep has been through '{step}' before; give the sweep as it was measured")
     k = wavenumber(sweep)
     gain = calibration.tx_gain[:, None] * calibration.rx_gain if gains else 1.0
 
@@ -206,14 +209,18 @@ def apply_elements(sweep: xr.Dataset, calibration: ElementCalibration, *, gains:
             ("rx_position", rx, calibration.rx_offset),
         )
     }
+    return with_samples(sweep.assign_coords(moved), s, step)
+
+
+def _step(calibration: ElementCalibration, ambiguous: float, *, gains: bool) -> str:
+    """The line of the history for a calibration, applied to a sweep with this ambiguous range [m]."""
     common = calibration.common_delay
     sides = (calibration.tx_delay, calibration.tx_valid), (calibration.rx_delay, calibration.rx_valid)
     largest = max(float(np.abs(delay - delay[valid].mean()).max(initial=0.0)) for delay, valid in sides)
     away = max(float(np.abs(o).max(initial=0.0)) for o in (calibration.tx_offset, calibration.rx_offset))
     step = f"delays{' and gains' if gains else ''} of the elements removed, up to {1e3 * largest:.4g} mm"
-    step += f", and {common:.6g} m of cable (modulo {2.0 * ambiguous_range(sweep):.6g} m)"
-    step += f", phase centres moved by up to {1e3 * away:.4g} mm" if away > 0 else ""
-    return with_samples(sweep.assign_coords(moved), s, step)
+    step += f", and {common:.6g} m of cable (modulo {2.0 * ambiguous:.6g} m)"
+    return step + (f", phase centres moved by up to {1e3 * away:.4g} mm" if away > 0 else "")
 
 
 def _resolve_offsets(

@@ -67,7 +67,7 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
 
     gated = by_blocks(s, kept, axis=1)
     gated = np.moveaxis(gated, 0, sweep["s"].get_axis_num("frequency"))
-    return with_samples(sweep, gated, f"time gate from {np.mean(first):g} to {np.mean(last):g} m")
+    return with_samples(sweep, gated, f"time gate from {np.mean(first):g} to {np.mean(end):g} m")
 
 
 def _unambiguous(sweep: xr.Dataset, span: float) -> tuple[Array, Array]:

@@ -154,9 +154,14 @@ OF_THE_INSTRUMENT = tuple(
 """Beginnings of those steps in the history that remove an effect of the instrument; a second sweep, such as a
 background, needs the same steps."""
 
+FACTORS = OF_THE_INSTRUMENT[1:]
+"""Those of these steps that multiply the samples; a sweep that others are divided by needs the same."""
 
-def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
-    """Refuse a second sweep that lacks a step of `OF_THE_INSTRUMENT` that the first sweep has been through.
+
+def check_same_steps(
+    sweep: xr.Dataset, other: xr.Dataset, name: str, kinds: Sequence[re.Pattern[str]] = OF_THE_INSTRUMENT
+) -> None:
+    """Refuse a second sweep that lacks a step of these kinds that the first sweep has been through.
 
     Using it on the first sweep would put in again what the step has removed.
 
@@ -165,7 +170,7 @@ def check_same_steps(sweep: xr.Dataset, other: xr.Dataset, name: str) -> None:
     InputError
         If a step is lacking; the message tells which, and calls the second sweep `name`.
     """
-    for kind in OF_THE_INSTRUMENT:
+    for kind in kinds:
         done = [step for step in history(sweep) if kind.match(step)]
         if done and not any(kind.match(step) for step in history(other)):
             raise InputError(

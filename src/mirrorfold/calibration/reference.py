@@ -8,7 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.calibration.common_delay import find_common_delay
 from mirrorfold.calibration.gate import gate_samples
-from mirrorfold.calibration.record import blocks, by_blocks, check_same_axes, checked_pairs, with_samples
+from mirrorfold.calibration.record import (
+    FACTORS,
+    blocks,
+    by_blocks,
+    check_same_axes,
+    check_same_steps,
+    checked_pairs,
+    with_samples,
+)
 from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
 from mirrorfold.common.arguments import boolean, number
 from mirrorfold.errors import InputError
@@ -55,11 +63,12 @@ def normalise_by_reference(
     Raises
     ------
     InputError
-        If the sweeps do not match, or the reference is silent.
+        If the sweeps differ in frequencies or in steps of calibration, or the reference is silent.
     """
     sweep, reference = checked_pairs(sweep, "sweep", several=True), checked_pairs(reference, "reference")
     per_channel = boolean("per_channel", per_channel)
     check_same_axes(sweep, reference, "reference", antennas=per_channel)
+    check_same_steps(sweep, reference, "reference", FACTORS)
     tx, rx = positions(reference)
     length = sphere_paths(tx, rx, at) if normal is None else plate_paths(tx, rx, at, normal)
     samples, k = reference["s"].values, wavenumber(reference)[:, None, None]

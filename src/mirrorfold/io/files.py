@@ -354,8 +354,10 @@ def _check_parent(path: Path) -> None:
 
 
 def _check_inputs(path: Path, inputs: Iterable[str | Path]) -> None:
-    """Refuse a path that is one of the inputs, also under another name."""
+    """Refuse a path that is one of the inputs, also under another name; one that is not there is an output, too."""
     there = path.exists()
     for source in map(Path, inputs):
+        if not there and not source.exists() and os.path.realpath(path) == os.path.realpath(source):
+            raise InputError(f"{path}: is named for two outputs; give each another name")
         if there and source.exists() and path.samefile(source):
             raise InputError(f"{path}: is the input itself and would be overwritten; give another name for the output")
