@@ -43,6 +43,16 @@ def test_a_block_of_metal_is_resolved_where_it_is():
     assert size == pytest.approx(6300.0 / 5e6 * float(r) / (7 * 0.63e-3))
 
 
+@pytest.mark.parametrize("level_db", [-740.0, 600.0])
+def test_levels_are_told_where_powers_leave_single_precision(level_db):
+    sweep = targets([0.5, 0.9])
+    scaled = sweep.assign(s=sweep["s"] * np.float32(10.0 ** (level_db / 20.0)))
+    usual, found = mf.info(sweep, diagnose=False), mf.info(scaled, diagnose=False)
+    assert found["power_db"] == pytest.approx(usual["power_db"] + level_db, abs=0.01)
+    assert found["snr_db"] == pytest.approx(usual["snr_db"], abs=1.0)
+    assert found["reciprocity_db"] is None or found["reciprocity_db"] < -100.0
+
+
 def test_what_a_sweep_resolves():
     found = mf.info(targets([0.5]))
     assert found["frequency_step_hz"] == pytest.approx(100e6)

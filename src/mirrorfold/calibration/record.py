@@ -59,10 +59,16 @@ MODERATE = (1e-12, 1e12)
 """Bounds on the largest sample, between which single precision holds the powers of samples, and the sums of these."""
 
 
-def scaled_to_single_precision(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
-    """The samples, divided by the largest of them where their powers would overflow or vanish in single precision."""
+def single_precision_scale(s: NDArray[np.complexfloating]) -> float:
+    """The largest of the samples where their powers would overflow or vanish in single precision; elsewhere one."""
     peak = max((float(np.maximum(np.abs(part.real), np.abs(part.imag)).max(initial=0.0)) for part in s), default=0.0)
-    return s if peak == 0.0 or MODERATE[0] < peak < MODERATE[1] else np.asarray(s / s.real.dtype.type(peak))
+    return 1.0 if peak == 0.0 or MODERATE[0] < peak < MODERATE[1] else peak
+
+
+def scaled_to_single_precision(s: NDArray[np.complexfloating]) -> NDArray[np.complexfloating]:
+    """The samples, divided by their `single_precision_scale`."""
+    scale = single_precision_scale(s)
+    return s if scale == 1.0 else np.asarray(s / s.real.dtype.type(scale))
 
 
 def unmeasured(s: NDArray[np.complexfloating], axis: int) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
+from mirrorfold.calibration.record import scaled_to_single_precision, single_precision_scale
 from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
@@ -137,7 +138,10 @@ def describe_sweep(sweep: xr.Dataset, path: str, *, diagnose: bool) -> SweepFact
         valid = check_sweep(sweep, source=path)
     except InputError as error:
         return _broken(sweep, path, error)
-    facts = _raster(valid) if is_raster(valid) else _arrays(valid)
+    scale = single_precision_scale(valid["s"].values)
+    scaled = valid.assign(s=valid["s"].copy(data=scaled_to_single_precision(valid["s"].values)))
+    level_db = 20.0 * float(np.log10(scale))
+    facts = _raster(scaled, level_db) if is_raster(scaled) else _arrays(scaled, level_db)
     if not boolean("diagnose", diagnose):
         return facts
     from mirrorfold.diagnosis import diagnose as find_mistakes
@@ -185,8 +189,8 @@ def _sentences(found: list[Finding], path: str) -> list[str]:
     return [f"{f.sentence()} Remedy: {f.command(path)}" for f in found]
 
 
-def _raster(sweep: xr.Dataset) -> RasterSweepFacts:
-    """Facts about a valid sweep of a raster scan."""
+def _raster(sweep: xr.Dataset, level_db: float) -> RasterSweepFacts:
+    """Facts about a valid sweep of a raster scan, whose samples were stronger by a level [dB]."""
     known = "spot_radius" in sweep.attrs and "focus_distance" in sweep.attrs
     beam = (float(sweep.attrs["spot_radius"]), float(sweep.attrs["focus_distance"])) if known else None
     axes = [sweep[name].values.astype(float) for name in ("frequency", "azimuth", "elevation")]
@@ -196,12 +200,12 @@ def _raster(sweep: xr.Dataset) -> RasterSweepFacts:
     s = s - s.mean(axis=(2, 3), keepdims=True)
     power = _mean_power(part for frame in s for part in frame)
     profile = _range_profile(s)
-    levels = _levels(power, profile, _noise_power(profile, pairs=s.size // profile.size))
+    levels = _levels(power, profile, _noise_power(profile, pairs=s.size // profile.size), level_db)
     return RasterSweepFacts(**_contents(sweep), **facts, **levels, remarks=remarks)
 
 
-def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
-    """Facts about a valid sweep of two arrays, or of one moving antenna."""
+def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
+    """Facts about a valid sweep of two arrays, or of one antenna, whose samples were stronger by a level [dB]."""
     tx_position, rx_position = antenna_positions(sweep)
     ranges = None
     if sweep.attrs.get("scene_center") is not None:
@@ -246,20 +250,24 @@ def _arrays(sweep: xr.Dataset) -> ArraySweepFacts:
     return ArraySweepFacts(
         **_contents(sweep),
         **facts,
-        **_levels(power, profile, noise),
+        **_levels(power, profile, noise, level_db),
         range_end_db=range_end,
         reciprocity_db=reciprocity,
         remarks=remarks,
     )
 
 
-def _levels(power: float, profile: Array, noise: float) -> Levels:
-    """Mean power and noise of a sample, and how far the strongest range bin stands above the floor of the profile."""
+def _levels(power: float, profile: Array, noise: float, level_db: float) -> Levels:
+    """Mean power and noise of a sample, and how far the strongest range bin stands above the floor of the profile.
+
+    Both were measured on samples that are weaker than those of the sweep by `level_db` [dB].
+    """
+    mean_db, noise_db = power_decibel(power), power_decibel(noise)
     floor = float(np.quantile(profile, QUIET_SHARE))
     return Levels(
-        power_db=power_decibel(power),
+        power_db=None if mean_db is None else mean_db + level_db,
         snr_db=power_decibel((power - noise) / noise) if 0.0 < noise < power else None,
-        noise_floor_db=power_decibel(noise),
+        noise_floor_db=None if noise_db is None else noise_db + level_db,
         dynamic_range_db=power_decibel(float(profile.max()) / floor) if floor > 0 else None,
     )
 
