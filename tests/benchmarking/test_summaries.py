@@ -100,6 +100,17 @@ def test_only_scenes_of_both_are_compared(line, tmp_path):
     ]
 
 
+def test_other_scenes_of_the_same_seed_are_not_compared(line, tmp_path):
+    rows = lines(line, [0.5, 0.6, 0.7])
+    first = folder_of(tmp_path, "a", rows)
+    second = folder_of(tmp_path, "b", [rows[0].but(scene="another"), *rows[1:]])
+    found = compare_benchmarks(first, second)
+    assert found.results[0].scenes == 2
+    assert found.remarks == ["1 result is of different scenes of the same family and seed, and left out."]
+    newer = folder_of(tmp_path, "c", [row.but(scene="another", version="9.9") for row in rows])
+    assert compare_benchmarks(first, newer).results[0].scenes == 3
+
+
 def test_methods_of_one_side_alone_are_told_of(line, tmp_path):
     first = folder_of(tmp_path, "a", [*lines(line, [0.5, 0.6]), *lines(line, [0.5, 0.6], method="alone")])
     second = folder_of(tmp_path, "b", lines(line, [0.5, 0.6]))

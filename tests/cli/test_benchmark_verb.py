@@ -54,6 +54,12 @@ def test_a_table_for_people_and_the_files(run, capsys, tmp_path):
     ]  # fmt: skip
     assert main(["benchmark", "compare", "out", "out"]) == 0
     assert "no difference" in capsys.readouterr().out
+    assert run("--seeds", "0", "-o", "one") == 0
+    capsys.readouterr()
+    assert main(["benchmark", "compare", "one", "one"]) == 0
+    compared = capsys.readouterr()
+    assert "no difference" not in compared.out
+    assert "A difference on a single scene has no interval, and so no verdict." in compared.err
 
 
 @pytest.mark.slow
@@ -83,6 +89,8 @@ def test_an_interruption_keeps_what_is_done_and_says_how_to_go_on(run, capsys, t
     assert (tmp_path / "out" / FILE).read_text().count("\n") == 2
     assert run("--seeds", "0:5", "-o", "out", method="stopped") == 0
     assert (tmp_path / "out" / FILE).read_text().count("\n") == 5
+    kept = "mirrorfold: note: 2 of 5 scenes were done before; after a change of a method, give another folder\n"
+    assert kept in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -96,6 +104,7 @@ def test_an_interruption_keeps_what_is_done_and_says_how_to_go_on(run, capsys, t
             "method is 'median', expected ours, flat, opaque, published or MODULE:FUNCTION",
         ),
         (["-o", "out", "--seeds", "3:3"], "--seeds is '3:3', expected FIRST:END"),
+        (["-o", "out", "--seeds", "0:99999999999999999999"], "expected at most 1000000 seeds"),
         (["-o", "out", "--seeds", "few"], "--seeds is 'few', expected FIRST:END"),
         (["-o", "absent/out"], "the directory absent does not exist"),
         ([], "--output is missing"),

@@ -84,10 +84,16 @@ def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkCompar
         raise InputError(
             f"{first} has {', '.join(one)} and {second} has {', '.join(other)}; name the methods as FOLDER:METHOD"
         )
+    other_scenes = sum(_without_other_scenes(one[m], other[n]) for m, n in pairs)
     results = [found for pair in pairs for found in _differences(one[pair[0]], other[pair[1]], pair)]
     if not results:
         raise InputError(f"{first} and {second} have no scene in common; run both on the same families and seeds")
     remarks = []
+    if other_scenes:
+        remarks.append(
+            f"{other_scenes} {'result is' if other_scenes == 1 else 'results are'} of different scenes of the same "
+            "family and seed, and left out."
+        )
     unshared = [sum(len(set(a[m]) - set(b[n])) for m, n in ((p if a is one else p[::-1]) for p in pairs))
              for a, b in ((one, other), (other, one))]  # fmt: skip
     for name, count in zip((first, second), unshared, strict=True):
@@ -110,6 +116,22 @@ def compare_benchmarks(first: str | Path, second: str | Path) -> BenchmarkCompar
     return BenchmarkComparison(
         kind="benchmark comparison", first=str(first), second=str(second), results=results, remarks=remarks
     )
+
+
+def _without_other_scenes(first: dict[Scene, Line], second: dict[Scene, Line]) -> int:
+    """Leave out of both what has the same family and seed but is another scene; return how many these were.
+
+    Only lines of the same version tell: digests of scenes differ between versions.
+    """
+    different = [
+        scene
+        for scene in set(first) & set(second)
+        for a, b in [(first[scene], second[scene])]
+        if a.version == b.version and a.get("scene") != b.get("scene")
+    ]
+    for scene in different:
+        del first[scene], second[scene]
+    return len(different)
 
 
 def _by_method(name: str) -> dict[str, dict[Scene, Line]]:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import mirrorfold as mf
 from mirrorfold.cli.options import OptionalOutput
 from mirrorfold.cli.study_tables import show_benchmark, show_benchmark_comparison, show_catalogue
-from mirrorfold.cli.terminal import progress, show_json, show_result
+from mirrorfold.cli.terminal import progress, remark, show_json, show_result
 from mirrorfold.cli.writing import output_directory, output_file, required
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.errors import InputError
@@ -19,6 +19,9 @@ from mirrorfold.plotting.saving import save_figure
 
 PICTURE = "figures.png"
 """Name of the picture in the folder of a benchmark."""
+
+MOST_SEEDS = 1_000_000
+"""Largest number of seeds: at ten seconds a scene, four months of work for a single family."""
 
 Names = Annotated[list[str] | None, Parameter(consume_multiple=True)]
 """Option that takes one or several names."""
@@ -94,6 +97,7 @@ def benchmark(
         show_json(found) if json else show_catalogue(found)
         return
     output = required(output, "out")
+    from mirrorfold.benchmarking.methods import OWN
     from mirrorfold.benchmarking.results import FILE
     from mirrorfold.benchmarking.tables import TABLES, write_tables
     from mirrorfold.io.files import directory_written_atomically
@@ -101,8 +105,12 @@ def benchmark(
     names = (*TABLES, PICTURE)
     output_directory(output, names=names)
     steps = [0, 0]
+    before: list[int] = []
+    methods = method or ["ours"]
 
     def count(done: int, total: int) -> None:
+        if not before:
+            before.append(done)
         steps[:] = done, total
         if report is not None:
             report(done, total)
@@ -110,7 +118,7 @@ def benchmark(
     try:
         with progress("judging scenes") as report:
             result = mf.benchmark(
-                family, radars=radar, methods=method or "ours", seeds=_seeds(seeds), output=output, sweeps=sweeps,
+                family, radars=radar, methods=methods, seeds=_seeds(seeds), output=output, sweeps=sweeps,
                 jobs=jobs, progress=count,
             )  # fmt: skip
     except KeyboardInterrupt:
@@ -120,6 +128,8 @@ def benchmark(
     with directory_written_atomically(output, replaces=names) as directory:
         write_tables(result, directory)
         save_figure(mf.plot.benchmark(result), directory / PICTURE)
+    if any(before) and not OWN.keys() >= set(methods):
+        remark([f"{before[0]} of {steps[1]} scenes were done before; after a change of a method, give another folder"])
     files = [output / name for name in (FILE, *names)]
     show_result(result, files, show_benchmark, json=json)
 
@@ -159,6 +169,8 @@ def _seeds(text: str) -> range:
         found = range(0)
     if not found or found[0] < 0:
         raise InputError(f"--seeds is {text!r}, expected FIRST:END in whole numbers from 0, for example 0:10")
+    if found[-1] - found[0] >= MOST_SEEDS:
+        raise InputError(f"--seeds is {text!r}, expected at most {MOST_SEEDS} seeds, for example 0:10")
     return found
 
 

@@ -85,7 +85,8 @@ def show_benchmark_comparison(found: BenchmarkComparison) -> None:
             form = f".{FIGURES[one.figure].digits}f"
             between = "-" if one.low is None else f"{number(one.low, '+' + form)} {number(one.high, '+' + form)}"
             numbers = (number(one.first, form), number(one.second, form), number(one.difference, "+" + form))
-            table.add_row(name, str(one.scenes), FIGURES[one.figure].label, *numbers, between, one.verdict)
+            verdict = "-" if one.low is None else one.verdict
+            table.add_row(name, str(one.scenes), FIGURES[one.figure].label, *numbers, between, verdict)
             name = ""
     console().print(table)
 
