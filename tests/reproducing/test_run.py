@@ -135,6 +135,21 @@ def test_what_is_of_another_size_or_program_or_damaged_is_made_again(tmp_path, c
 
 
 @pytest.mark.slow
+def test_files_of_someone_else_are_left_alone(tmp_path):
+    mine = tmp_path / "two" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    with pytest.raises(mf.InputError, match="two: holds files of something else"):
+        mf.reproduce(output=tmp_path)
+    assert not COUNTS
+    assert [path.name for path in tmp_path.rglob("*")] == ["two", "notes.txt"]
+    mf.reproduce("one", output=tmp_path)
+    notes = tmp_path / "one" / "notes.txt"
+    notes.write_text("mine")
+    mf.reproduce("one", output=tmp_path, again=True)
+    assert notes.read_text() == "mine"
+
+
 def test_an_interruption_loses_no_more_than_the_step_at_work(tmp_path, capsys):
     STOP["two"] = "between"
     assert main(["reproduce", "-o", str(tmp_path / "out")]) == 130

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from mirrorfold.cli.options import OptionalOutput
 from mirrorfold.cli.study_tables import show_experiments, show_reproduction
 from mirrorfold.cli.terminal import progress, show_json
-from mirrorfold.cli.writing import required
+from mirrorfold.cli.writing import output_directory, required
 from mirrorfold.common.records import Record, fact
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ def reproduce(
     """
     from mirrorfold.reproducing import EXPERIMENTS
     from mirrorfold.reproducing import reproduce as make
+    from mirrorfold.reproducing.run import INDEX
 
     if catalogue:
         facts = [
@@ -74,7 +75,7 @@ def reproduce(
         listed = Experiments(kind="experiments", experiments=facts)
         show_json(listed) if json else show_experiments(listed)
         return
-    output = required(output, "out")
+    output = output_directory(required(output, "out"), names=INDEX)
     done: list[str] = []
     with ExitStack() as bars:
 

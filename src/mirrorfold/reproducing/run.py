@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from mirrorfold import __version__
 from mirrorfold.common.records import Record, fact
 from mirrorfold.common.threads import cpu_count
+from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_output_directory, directory_written_atomically, written_atomically
 from mirrorfold.plotting.saving import save_figure
 from mirrorfold.reproducing.catalogue import EXPERIMENTS, Experiment, chosen
@@ -81,10 +82,13 @@ def reproduce(
     Raises
     ------
     InputError
-        If a name is not known, an extra is missing, or nothing can be written there.
+        If a name is not known, an extra is missing, nothing can be written there, or a folder with the name of an
+        experiment holds other files.
     """
     experiments = chosen(names)
     output = check_output_directory(output, names=INDEX)
+    for experiment in experiments:
+        _check_folder(output / experiment.name)
     output.mkdir(exist_ok=True)
     results = []
     for experiment in experiments:
@@ -98,6 +102,17 @@ def reproduce(
     written = write_index(output)
     written += [output / one.name / name for one in results for name in _names(one)]
     return Reproduction(results=results, files=list(map(str, written)))
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse a folder that holds files of someone else, which those of an experiment would replace.
+
+    Raises
+    ------
+    InputError
+    """
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / RESULT).is_file():
+        raise InputError(f"{folder}: holds files of something else; give another folder, or move it away")
 
 
 def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress | None) -> Result:
@@ -124,8 +139,8 @@ def _make(experiment: Experiment, output: Path, quick: bool, progress: Progress 
         assumptions=list(found.assumptions),
     )
     folder = output / experiment.name
-    before = [path.name for path in folder.iterdir() if path.is_file()] if folder.is_dir() else []
-    with directory_written_atomically(folder, replaces=before) as directory:
+    before = read_result(folder / RESULT)
+    with directory_written_atomically(folder, replaces=[] if before is None else _names(before)) as directory:
         _write(result, found, directory)
     shutil.rmtree(kept, ignore_errors=True)
     with suppress(OSError):  # the folder is not empty if another experiment is unfinished
