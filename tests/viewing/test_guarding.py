@@ -61,6 +61,21 @@ def test_a_file_that_is_there_is_replaced_only_on_request(server):
     assert not (folder / "other.nc").exists()
 
 
+def test_of_two_pages_that_save_at_once_the_later_one_is_asked(server, monkeypatch):
+    target, plan = server.session.path.parent / "both.nc", server.session._plan
+
+    class Slow:
+        """Folds while another page saves under the same name."""
+
+        def fold(self, **arguments):
+            target.write_text("of the other page")
+            return plan.fold(**arguments)
+
+    monkeypatch.setattr(server.session, "_plan", Slow())
+    assert post(server, "/api/save", name="both.nc")[0] == 409
+    assert target.read_text() == "of the other page"
+
+
 def test_the_page_asks_before_it_replaces_a_file(server, chromium):
     target = server.session.path.parent / "again.nc"
     target.write_text("precious")

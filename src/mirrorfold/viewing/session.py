@@ -294,14 +294,12 @@ class Session:
         output = check_output(self.path.parent / name, inputs=[self.path])
         mirrors = output.with_suffix(".mirrors.json")
         files = [output] if lines is None else [output, mirrors]
-        there = [file.name for file in files if os.path.lexists(file)]
-        if there and request.get("replace") is not True:
-            raise ConflictError(
-                f"{' and '.join(there)}: is there already; save once more to replace it, or change the name"
-            )
+        replace = request.get("replace") is True
+        _check_free(files, replace=replace)
         with self._stoppable(request):
             result = self._plan.fold(**self._arguments(settings, lines))
         with self._saving:
+            _check_free(files, replace=replace)  # another page may have saved meanwhile
             command = self.command(settings, None if lines is None else mirrors, output)
             result.attrs["command"] = command
             with directory_written_atomically(output.parent) as folder:
@@ -355,6 +353,20 @@ class Session:
             settings[name] = value
         mirrors = request.get("mirrors")
         return settings, None if mirrors is None else check_mirrors(mirrors)
+
+
+def _check_free(files: list[Path], *, replace: bool) -> None:
+    """Refuse to replace files that are there already, unless that is asked for.
+
+    Raises
+    ------
+    ConflictError
+    """
+    there = [file.name for file in files if os.path.lexists(file)]
+    if there and not replace:
+        raise ConflictError(
+            f"{' and '.join(there)}: is there already; save once more to replace it, or change the name"
+        )
 
 
 def what_is_lost(reconstruction: xr.DataTree) -> str:
