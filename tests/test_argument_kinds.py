@@ -136,3 +136,43 @@ def test_shared_checks(check, words):
 def test_whole_numbers_and_truth_of_every_type():
     assert whole_number("a", np.int64(3)) == whole_number("a", 3.0) == 3
     assert boolean("a", np.True_) is boolean("a", 1) is True
+
+
+class Quantity(np.ndarray):
+    """An array with a unit, as those of pint and astropy, which NumPy drops."""
+
+    units = "millimeter"
+
+
+def in_millimetres(values):
+    return np.asarray(values, dtype=float).view(Quantity)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda s: mf.focus(s, x=in_millimetres([-500, 0, 500]), y=[0.5, 1.0]), "x"),
+        (lambda s: mf.focus(s, x=xr.DataArray([0.0, 0.5], dims="x", attrs={"units": "mm"}), y=[0.5, 1.0]), "x"),
+        (lambda s: mf.calibrate.displace_receivers(s, in_millimetres([1, 0, 0])), "displacement"),
+        (lambda s: mf.calibrate.estimate_elements(s, at=in_millimetres([0, 900])), "at"),
+        (lambda s: mf.fold(mf.focus(s), mirrors=[in_millimetres([[0, 500], [200, 600]])]), "mirrors"),
+        (lambda s: remade(s, tx_position=in_millimetres(s["tx_position"])), "sweep: tx_position"),
+        (lambda s: remade(s, frequency=s["frequency"].assign_attrs(units="GHz")), "sweep: frequency"),
+    ],
+)
+def test_numbers_that_carry_another_unit_are_refused(call, name, sweep):
+    with pytest.raises(mf.InputError, match=rf"^{name} is in (millimeter|mm|GHz), expected (m|Hz); convert it first$"):
+        call(sweep)
+
+
+def remade(sweep, **changes):
+    """The sweep made anew with other coordinates."""
+    given = {name: sweep[name] for name in ("frequency", "tx_position", "rx_position")}
+    return mf.make_sweep(sweep["s"], **{**given, **changes})
+
+
+def test_numbers_that_carry_the_unit_of_the_argument_are_taken(sweep):
+    metres = np.array([1e-3, 0.0, 0.0]).view(type("Metres", (np.ndarray,), {"unit": "meter"}))
+    moved = mf.calibrate.displace_receivers(sweep, metres)
+    np.testing.assert_allclose(moved["rx_position"] - sweep["rx_position"], np.tile(metres, (sweep.sizes["rx"], 1)))
+    assert remade(sweep)["s"].equals(sweep["s"])

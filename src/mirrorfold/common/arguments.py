@@ -10,7 +10,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, get_args
 
-from mirrorfold.common.units import QUANTITIES
+from mirrorfold.common.units import QUANTITIES, foreign_unit
 from mirrorfold.errors import InputError
 
 LONGEST = 60
@@ -154,6 +154,18 @@ def number(
             limits = f"from {lowest:g} to {highest:g}"
         raise InputError(f"{name} is {in_message(value)}, expected {what} {limits}".rstrip())
     return found
+
+
+def expect_unit(name: str, value: Any, unit: str) -> None:
+    """Refuse numbers that carry along another unit than `unit`, which NumPy would drop.
+
+    Raises
+    ------
+    InputError
+    """
+    other = foreign_unit(value, unit)
+    if other is not None:
+        raise InputError(f"{name} is in {other[:LONGEST]}, expected {unit}; convert it first")
 
 
 def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole number") -> int:

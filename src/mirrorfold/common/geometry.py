@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import in_message
+from mirrorfold.common.arguments import expect_unit, in_message
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 
@@ -124,6 +124,7 @@ def place(value: ArrayLike, name: str) -> Array:
     InputError
         If the value is no such place.
     """
+    expect_unit(name, value, "m")
     try:
         point = np.asarray(value, dtype=float)
     except (TypeError, ValueError):

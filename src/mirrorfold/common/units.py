@@ -36,6 +36,7 @@ OTHER_NAMES = {
     "deg": "degree", "degrees": "degree", "°": "degree", "rad": "radian", "radians": "radian",
     "in": "inch", "inches": "inch", '"': "inch", "µm": "um", "μm": "um", "micron": "um", "µs": "us", "μs": "us",
     "sec": "s", "metre": "m", "meter": "m", "metres": "m", "meters": "m",
+    "hertz": "Hz", "second": "s", "seconds": "s",
 }  # fmt: skip
 """Other names that people write for units."""
 
@@ -71,6 +72,28 @@ def other_unit(said: Any, unit: str) -> str | None:
     named = unit_named(said) if isinstance(said, str) else None
     kind = next(units for units in KINDS.values() if unit in units)
     return named if named in kind and named != unit else None
+
+
+def foreign_unit(value: Any, unit: str) -> str | None:
+    """The unit that numbers carry along, as arrays of pint, astropy and xarray do, where it is another one than `unit`.
+
+    NumPy drops such units, and takes the numbers as they are. Names in an attribute of xarray that are no unit of this
+    kind mean nothing. In a list or a tuple, each item may carry a unit of its own.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> foreign_unit(xr.DataArray([1.0], attrs={"units": "mm"}), "m"), foreign_unit([1.0, 2.0], "m")
+    ('mm', None)
+    """
+    if isinstance(value, list | tuple):
+        return next((found for one in value if (found := foreign_unit(one, unit)) is not None), None)
+    attrs = getattr(value, "attrs", None)
+    held = value if attrs is None else getattr(value, "data", value)
+    said = getattr(held, "units", None) or getattr(held, "unit", None)
+    if said is None:
+        return None if attrs is None else other_unit(attrs.get("units"), unit)
+    return None if str(said) in ("", "dimensionless") or unit_named(str(said)) == unit else str(said)
 
 
 LONGEST_QUANTITY = 200

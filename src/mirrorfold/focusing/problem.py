@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.arguments import expect_unit
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
@@ -165,6 +166,7 @@ def pixel_axis(values: ArrayLike, name: str) -> Array:
     InputError
         If they are not a rising or falling row of finite numbers.
     """
+    expect_unit(name, values, "m")
     try:
         axis = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -161,7 +161,7 @@ def make_raster_sweep(
         "azimuth": (("azimuth",), azimuth, "degree"),
         "elevation": (("elevation",), elevation, "degree"),
     }
-    return _made(RASTER_DIMENSIONS, s, coords, time, {"origin": real_numbers("sweep: origin", origin), **attrs})
+    return _made(RASTER_DIMENSIONS, s, coords, time, {"origin": real_numbers("sweep: origin", origin, "m"), **attrs})
 
 
 def _made(
@@ -181,7 +181,7 @@ def _made(
         coords["time"] = (("frame",), time, "s")
     values = complex_samples("sweep: s", s, dims)
     variables = {
-        name: (axes, real_numbers(f"sweep: {name}", given), {"units": unit})
+        name: (axes, real_numbers(f"sweep: {name}", given, unit), {"units": unit})
         for name, (axes, given, unit) in coords.items()
     }
     if getattr(coords["frequency"][1], "dtype", None) == np.float32:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.arguments import expect_unit, wrong_kind
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import AXES
@@ -38,8 +38,15 @@ def array_of(name: str, value: ArrayLike | xr.DataArray) -> NDArray[Any]:
     return found
 
 
-def real_numbers(name: str, value: ArrayLike | xr.DataArray) -> Array:
-    """The value as an array of real numbers; columns with the names x, y and z are brought into this order."""
+def real_numbers(name: str, value: ArrayLike | xr.DataArray, unit: str) -> Array:
+    """The value as an array of real numbers in a unit; columns with the names x, y and z are brought into this order.
+
+    Raises
+    ------
+    InputError
+        If the value does not consist of real numbers, or carries another unit.
+    """
+    expect_unit(name, value, unit)
     if isinstance(value, xr.DataArray) and "axis" in value.dims:
         value = value.transpose(..., "axis")
         if "axis" in value.coords and set(value["axis"].values.tolist()) == set(AXES):

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arcs import Arc, as_three_points, in_line
+from mirrorfold.common.arguments import expect_unit
 from mirrorfold.common.geometry import cross2
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
@@ -70,6 +71,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         If the shape is none of these, a number is not finite, a mirror has no extent or is not flat, or stands there
         twice. The sentence begins with `source`.
     """
+    expect_unit(source, mirrors, "m")
     rows = as_three_points(_rows(mirrors, source))
     try:
         places = np.array(rows, dtype=float)
