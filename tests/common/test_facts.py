@@ -52,6 +52,27 @@ def test_angles_that_say_to_be_in_radians_are_no_degrees(use):
         use(VOLUME.assign_coords(azimuth=radian))
 
 
+@pytest.mark.parametrize("known", [True, False], ids=["band known", "band unknown"])
+@pytest.mark.parametrize(
+    "use",
+    [mf.fold, mf.plan_view, lambda volume: mf.to_voxels(volume, x=AXIS, y=1.2 + AXIS, z=AXIS)],
+    ids=["fold", "plan view", "voxels"],
+)
+def test_angles_that_are_probably_in_radians_are_doubted(use, known):
+    """A scan over 30 x 8 degrees in steps of 0.5 degrees, whose angles are stored in radians without a unit."""
+    azimuth, elevation = np.arange(-15.0, 15.5, 0.5), np.arange(-4.0, 4.5, 0.5)
+    range_ = 1.0 + 0.01 * np.arange(40)
+    sides = np.meshgrid(range_, azimuth, elevation, indexing="ij")
+    near = np.exp(-(((sides[0] - 1.2) / 0.02) ** 2) - ((sides[1] - 3.0) / 1.5) ** 2 - (sides[2] / 1.5) ** 2)
+    axes = {"range": range_, "azimuth": np.radians(azimuth), "elevation": np.radians(elevation)}
+    band = {"frequency_start": 270e9, "frequency_stop": 300e9} if known else {}
+    volume = xr.DataArray(near.astype(np.complex64), dims=list(axes), coords=axes, attrs=band)
+    with pytest.warns(UserWarning, match=r"reach no farther than 0\.262 degrees .* probably in radians\. Remedy"):
+        use(volume)
+    axes |= {"azimuth": azimuth, "elevation": elevation}
+    use(volume.assign_coords(axes))  # warnings are errors
+
+
 def test_a_place_on_the_floor_is_as_good_as_one_in_space():
     assert radar_place({"radar_position": [1.0, 2.0]}).tolist() == [1.0, 2.0, 0.0]
     assert radar_place({}).tolist() == [0.0, 0.0, 0.0]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import in_message
-from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.plausible import radians_for_degrees, unplaced
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import other_unit
 from mirrorfold.errors import InputError
@@ -82,6 +84,16 @@ def check_unit(axis: xr.DataArray, source: str) -> None:
     if other is not None:
         said = f"is in {other}, as its attribute units says, expected {unit}; convert it, or correct the attribute"
         raise InputError(f"{source}: {axis.name} {said}")
+
+
+def doubt_angles(volume: xr.DataArray, source: str) -> None:
+    """Give a warning where azimuth and elevation of a volume, in degrees, are probably in radians."""
+    highest = volume.attrs.get("frequency_stop")
+    wavelength = volume.attrs.get("wave_speed", speed_of_light) / highest if highest else 0.0
+    azimuth, elevation = (volume[name].values.astype(float) for name in ("azimuth", "elevation"))
+    in_radians = radians_for_degrees(azimuth, elevation, wavelength)
+    if in_radians is not None:
+        warnings.warn(f"{source}: {in_radians} Remedy: convert them to degrees", stacklevel=2)
 
 
 def radar_place(attrs: Mapping[Any, Any]) -> Array:

@@ -183,24 +183,29 @@ def length_unit(step: float, wavelength: float) -> str | None:
     return min(fitting, key=fitting.__getitem__) if fitting else None
 
 
-def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> bool:
-    """Whether directions of beams that should be in degrees are probably in radians.
+def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> str | None:
+    """A sentence where directions of beams that should be in degrees are probably in radians; None elsewhere.
 
     The whole scan then seems to reach at most pi / 2 degrees aside, in steps that only a very wide aperture,
-    ``wavelength / step``, could resolve.
+    ``wavelength / step``, could resolve. A `wavelength` of zero is one that is not known.
 
     Examples
     --------
     >>> row = np.linspace(-0.5, 0.5, 41)
-    >>> radians_for_degrees(row, row, 1e-3), radians_for_degrees(np.degrees(row), np.degrees(row), 1e-3)
-    (True, False)
+    >>> radians_for_degrees(np.degrees(row), np.degrees(row), 1e-3), radians_for_degrees(row, row, 1e-3)[:45]
+    (None, 'The beams reach no farther than 0.5 degrees a')
     """
     steps = [np.diff(row).mean() for row in (azimuth, elevation) if row.size > 1]
     reach = max(float(np.abs(row).max()) for row in (azimuth, elevation))
     if not steps or reach > 0.5 * np.pi:
-        return False
-    aperture = wavelength / np.radians(max(steps))
-    return bool(aperture > FINEST_APERTURE or aperture > WIDEST_APERTURE * wavelength)
+        return None
+    in_wavelengths = 1.0 / np.radians(max(steps))
+    if in_wavelengths * wavelength <= FINEST_APERTURE and in_wavelengths <= WIDEST_APERTURE:
+        return None
+    return (
+        f"The beams reach no farther than {reach:.3g} degrees aside, in steps that no such scanner can tell apart: "
+        "their directions are probably in radians."
+    )
 
 
 def any_nonzero(values: NDArray) -> bool:

@@ -229,14 +229,8 @@ def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
         )
         return [UnitDoubt("frequency-unit", what, f"--frequency-unit {unit}")]
     if is_raster(sweep):
-        if not radians_for_degrees(sweep["azimuth"].values, sweep["elevation"].values, wavelength):
-            return []
-        reach = max(float(np.abs(sweep[name]).max()) for name in ("azimuth", "elevation"))
-        what = (
-            f"The beams reach no farther than {reach:.3g} degrees aside, in steps that no such scanner can tell apart: "
-            "their directions are probably in radians."
-        )
-        return [UnitDoubt("angle-unit", what, "--angle-unit radian")]
+        in_radians = radians_for_degrees(sweep["azimuth"].values, sweep["elevation"].values, wavelength)
+        return [] if in_radians is None else [UnitDoubt("angle-unit", in_radians, "--angle-unit radian")]
     step = _length_and_pitch(sweep)[1]
     unit = length_unit(step, wavelength) if sweep.attrs.get("scene_center") is None else None
     if unit is None:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.arguments import number
-from mirrorfold.common.facts import check_facts, check_unit, radar_place
+from mirrorfold.common.facts import check_facts, check_unit, doubt_angles, radar_place
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.threads import for_each
@@ -133,6 +133,7 @@ def _coordinates(volume: xr.DataArray, least: Mapping[str, int]) -> dict[str, Ar
             raise InputError(f"volume: the coordinate {name} does not rise; sort it, as by volume.sortby({name!r})")
         if name == "range" and np.ptp(step) > EQUAL * step.mean():
             raise InputError("volume: the coordinate range does not rise in equal steps; resample the volume")
+    doubt_angles(volume, "volume")
     return {name: volume[name].values.astype(float) for name in least}
 
 
