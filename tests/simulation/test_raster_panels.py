@@ -13,6 +13,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scenes.materials import permittivity
+from mirrorfold.simulation import estimate
 from mirrorfold.simulation.raster.chains import find_chains, trace_back, traced_scene
 from mirrorfold.simulation.raster.echoes import find_echoes
 from mirrorfold.simulation.raster.meshes import solids
@@ -205,3 +206,24 @@ def test_both_polarizations_are_one_sweep_of_the_same_scatterers():
     assert image.dims == ("polarization", "range", "azimuth", "elevation")
     alone = mf.focus(mf.simulate(parse_scene(content), bounces=1, seed=0))
     np.testing.assert_array_equal(image.sel(polarization="TE").values, alone.values)
+
+
+@pytest.mark.parametrize(
+    ("center", "normal", "thickness"),
+    [
+        ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), THICK),
+        ((0.3, 0.002, 0.2), (0.0, -1.0, 0.0), THICK),
+        ((0.0, 0.0, 0.0), (-1.0, -1.0, 0.0), None),
+    ],
+    ids=["along the view", "around the scanner", "opaque"],
+)
+def test_a_scanner_that_stands_on_a_panel_is_refused(center, normal, thickness):
+    """No beam would meet such a panel: the scene was simulated as if it had none."""
+    finish = {"material": CLEAR, "thickness": thickness} if thickness else {"material": "pec"}
+    through = panel("through", center, normal, 1.0, 1.0, **finish)
+    target = panel("target", (0.0, 1.2, 0.0), NORMAL[0.0], 1.0, 1.0)
+    for work in (mf.simulate, estimate):
+        with pytest.raises(InputError, match=r"^scanner: its origin stands on surface\[1\] 'through', .* move one of"):
+            work(scene(target, through))
+    away = panel("away", (0.5, 0.5, 0.0), (-1.0, 0.0, 0.0), 0.98, 1.0, material=CLEAR, thickness=THICK)
+    assert mf.simulate(scene(target, away), seed=0)["s"].values.any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +20,7 @@ from mirrorfold.scenes.surfaces import Arc, Circle
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
+    from mirrorfold.simulation.raster.meshes import Solid
 
 REACH_IN_AMBIGUOUS_RANGES = 10.0
 REACH_IN_WAVELENGTHS = 1e5
@@ -72,6 +75,29 @@ def check_clearance(scene: Scene) -> None:
                         f"array: the antenna at ({x:.6g}, {y:.6g}) m stands on surface[{index}] {surface.name!r}, "
                         f"{away.min():.2g} m from it; expected at least {least:.2g} m, move one of the two"
                     )
+
+
+def check_scanner(scene: Scene3D, solids: Sequence[Solid]) -> None:
+    """Refuse a scanner that stands on a flat face or inside a panel, which its beams would begin behind or in.
+
+    Raises
+    ------
+    InputError
+        The message names the surface and the least distance.
+    """
+    origin = np.asarray(scene.scanner.origin)
+    for solid in solids:
+        surface = scene.surface[solid.surface]
+        thickness = getattr(surface, "thickness", None) or 0.0
+        least = CLEARANCE * speed_of_light / scene.band.stop + 0.5 * thickness
+        middle = 0.5 * sum(face.center for face in solid.quads[:2])
+        faces = [replace(solid.quads[0], center=middle)] if thickness else solid.quads
+        away = min((float(np.linalg.norm(origin - face.nearest(origin))) for face in faces), default=np.inf)
+        if away < least:
+            raise InputError(
+                f"scanner: its origin stands on surface[{solid.surface}] {surface.name!r}, {away:.2g} m from it; "
+                f"expected at least {least:.2g} m, move one of the two"
+            )
 
 
 def _check_samples(scene: Scene | Scene3D) -> None:

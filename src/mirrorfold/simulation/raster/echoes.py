@@ -19,6 +19,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Scene3D
+from mirrorfold.simulation.limits import check_scanner
 from mirrorfold.simulation.raster.chains import TracedScene, find_chains, trace_back, traced_scene
 from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.panels import there_and_back
@@ -104,11 +105,17 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     Echoes3D
     dict
         Numbers of `scatterers` and of `chains`.
+
+    Raises
+    ------
+    InputError
+        If the scanner stands on a surface.
     """
     parts = solids(scene)
     empty = _no_echoes()
     if not parts:
         return empty, {"scatterers": 0, "chains": 0}
+    check_scanner(scene, parts)
     traced = traced_scene(scene, parts)
     speckle = draw_scatterers(scene, parts, seed=seed, density=density)
     origin = np.array(scene.scanner.origin)

@@ -60,6 +60,12 @@ class Quad:
         along = np.abs(offset @ self.up) / (self.up @ self.up)
         return np.asarray((across <= 1.0) & (along <= 1.0))
 
+    def nearest(self, point: Array) -> Array:
+        """The point of the rectangle that is nearest to a point (3,) [m]."""
+        edges = np.stack([self.right, self.up])
+        share = np.clip(edges @ (point - self.center) / np.sum(edges**2, axis=1), -1.0, 1.0)
+        return np.asarray(self.center + share @ edges)
+
 
 @dataclass(frozen=True, eq=False)
 class Solid:
