@@ -90,8 +90,9 @@ def check_scanner(scene: Scene3D, solids: Sequence[Solid]) -> None:
         surface = scene.surface[solid.surface]
         thickness = getattr(surface, "thickness", None) or 0.0
         least = CLEARANCE * speed_of_light / scene.band.stop + 0.5 * thickness
-        middle = 0.5 * sum(face.center for face in solid.quads[:2])
-        faces = [replace(solid.quads[0], center=middle)] if thickness else solid.quads
+        faces = solid.quads
+        if thickness and faces:
+            faces = (replace(faces[0], center=np.mean([face.center for face in faces], axis=0)),)
         away = min((float(np.linalg.norm(origin - face.nearest(origin))) for face in faces), default=np.inf)
         if away < least:
             raise InputError(
