@@ -33,6 +33,22 @@ def test_the_time_gate_cuts_what_it_should_and_nothing_late_by_default():
             mf.calibrate.time_gate(both, start, stop)
 
 
+def test_a_single_echo_whose_phases_repeat_is_not_saturated():
+    """A path of a tenth of c / df turns the phase by 36 degrees from frequency to frequency: ten phases in all."""
+    frequency = np.linspace(290e9, 300e9, 401)
+    path = 0.1 * speed_of_light / 25e6
+    place = np.array([[0.0, 0.0, 0.0], [0.003, 0.0, 0.0]])
+    s = echoes(frequency, place, place, [(0.0, 0.5 * path)])
+    pair = s[:, 0, 0]
+    assert np.count_nonzero(np.abs(pair.real) > (1.0 - 1e-6) * np.abs(pair.real).max()) > 40
+    sweep = mf.make_sweep(s, frequency=frequency, tx_position=place, rx_position=place)
+    assert not find_bad(sweep).saturated.any()
+    clipped = s.copy()
+    clipped[:, 0, 1] = np.sign(s[:, 0, 1].real) + 1j * np.sign(s[:, 0, 1].imag)
+    found = find_bad(sweep.assign(s=sweep["s"].copy(data=clipped.astype(np.complex64)))).saturated
+    np.testing.assert_array_equal(found, [[False, True], [False, False]])
+
+
 @pytest.mark.parametrize("stop", [None, 5.99])
 def test_a_gate_that_keeps_late_echoes_removes_leakage_at_no_range(stop):
     """The end of the ambiguous range, 5.996 m, and range zero are neighbours in the transform."""

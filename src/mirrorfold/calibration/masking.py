@@ -23,6 +23,10 @@ differences between the pairs of an array."""
 CLIPPED_SHARE = 0.02
 """Smallest share of real and imaginary parts at their largest magnitude for which a channel counts as saturated."""
 
+TONE = 1e-5
+"""Largest difference between the moduli of a channel's samples, relative to the largest, at which they are taken for a
+single echo without noise: its phases may repeat, and its largest real part with them."""
+
 FEWEST_CLIPPED = 4
 """Smallest number of real and imaginary parts at their largest magnitude in a saturated channel; every channel has one
 or two."""
@@ -136,13 +140,16 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     frequencies = gap | _spurs(s, gap, silent) if silent.size >= FEWEST_CHANNELS * frames else gap
     if frequencies.any():
         s = np.where(frequencies.reshape(-1, *[1] * (s.ndim - 1)), 0.0, s)
-    clipped = np.zeros(s.shape[1:], dtype=int)
+    clipped, tone = np.zeros(s.shape[1:], dtype=int), np.zeros(s.shape[1:], dtype=bool)
     for n in range(s.shape[1]):  # one at a time, to save memory
         for part in (np.abs(s[:, n].real), np.abs(s[:, n].imag)):
             clipped[n] = clipped[n] + np.count_nonzero(
                 part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0
             )
-    saturated = ~silent & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
+        modulus = np.abs(s[~frequencies, n])
+        tone[n] = np.ptp(modulus, axis=0) <= TONE * modulus.max(axis=0)
+    tone &= clipped < 2 * count  # clipped throughout, all samples have one modulus, too
+    saturated = ~silent & ~tone & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:
         noise = ~silent & ~saturated & _noise_elements(s, ~silent)
