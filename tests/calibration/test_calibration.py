@@ -33,6 +33,18 @@ def test_the_time_gate_cuts_what_it_should_and_nothing_late_by_default():
             mf.calibrate.time_gate(both, start, stop)
 
 
+def test_steps_for_pairs_say_what_to_leave_out_or_to_select():
+    sweep = sweep_of([(0.0, 0.9)])
+    recording = xr.concat([sweep, sweep], "frame").assign_coords(time=("frame", [0.0, 1.0]))
+    with pytest.raises(mf.InputError, match=r"expected \(frequency, tx, rx\); select one frame$"):
+        mf.calibrate.autofocus(recording)
+    one = mf.make_monostatic_sweep(
+        sweep["s"].values[:, :, 0], frequency=sweep["frequency"].values, antenna_position=sweep["tx_position"].values
+    )
+    with pytest.raises(mf.InputError, match=r"one moving antenna has no pairs, leave this step out$"):
+        mf.calibrate.swap_tx_rx(one)
+
+
 def test_a_single_echo_whose_phases_repeat_is_not_saturated():
     """A path of a tenth of c / df turns the phase by 36 degrees from frequency to frequency: ten phases in all."""
     frequency = np.linspace(290e9, 300e9, 401)

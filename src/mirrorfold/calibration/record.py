@@ -109,10 +109,10 @@ def checked_pairs(sweep: xr.Dataset, name: str, *, several: bool = False) -> xr.
     sweep = check_sweep(sweep, source=name)
     if is_raster(sweep):
         raise InputError(f"{name}: is a raster scan, expected a sweep with s(frequency, tx, rx)")
-    if sweep["s"].dims[-3:] != PAIR_DIMENSIONS or (sweep["s"].ndim != 3 and not several):
-        raise InputError(
-            f"{name}: s has dimensions {sweep['s'].dims}, expected (frequency, tx, rx); select one of them"
-        )
+    pairs = sweep["s"].dims[-3:] == PAIR_DIMENSIONS
+    if not pairs or (sweep["s"].ndim != 3 and not several):
+        remedy = f"select one {sweep['s'].dims[0]}" if pairs else "one moving antenna has no pairs, leave this step out"
+        raise InputError(f"{name}: s has dimensions {sweep['s'].dims}, expected (frequency, tx, rx); {remedy}")
     return sweep
 
 
