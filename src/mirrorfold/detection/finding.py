@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.facts import doubt_angles
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import image_echoes, volume_echoes
@@ -51,7 +52,9 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
         If the image or the normalization cannot be used.
     """
     if isinstance(image, xr.DataArray) and image.dims == VOLUME:
-        return to_volume_view(image, normalization=normalization)
+        view = to_volume_view(image, normalization=normalization)
+        doubt_angles(image, "image")
+        return view
     if isinstance(image, xr.DataArray) and image.dims == VOXELS:  # the strongest voxel of each column
         image = abs(image).max("z", skipna=False, keep_attrs=True)
     return to_image_view(image, normalization=normalization)

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.facts import check_facts, check_unit, doubt_angles
+from mirrorfold.common.facts import check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
@@ -295,8 +295,6 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
             remedy = f"turn it over by image.sortby({name!r})" if falls else "resample to a regular grid"
             raise InputError(f"image: the coordinate {name} does not rise in equal steps; {remedy}")
     check_facts(image.attrs, "image")
-    if "azimuth" in dims:
-        doubt_angles(image, "image")
     if image.dtype.kind not in "cfiu":
         raise InputError(f"image: holds values of type {image.dtype}, expected real or complex amplitudes")
     if missing := int(np.count_nonzero(~np.isfinite(image.values))):
