@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from mirrorfold.calibration.record import scaled_to_single_precision, single_precision_scale
+from mirrorfold.calibration.record import single_precision_scale
 from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
@@ -139,7 +139,8 @@ def describe_sweep(sweep: xr.Dataset, path: str, *, diagnose: bool) -> SweepFact
     except InputError as error:
         return _broken(sweep, path, error)
     scale = single_precision_scale(valid["s"].values)
-    scaled = valid.assign(s=valid["s"].copy(data=scaled_to_single_precision(valid["s"].values)))
+    s = valid["s"]
+    scaled = valid if scale == 1.0 else valid.assign(s=s.copy(data=s.values / s.values.real.dtype.type(scale)))
     level_db = 20.0 * float(np.log10(scale))
     facts = _raster(scaled, level_db) if is_raster(scaled) else _arrays(scaled, level_db)
     if not boolean("diagnose", diagnose):
