@@ -148,20 +148,15 @@ def check_same_axes(sweep: xr.Dataset, other: xr.Dataset, name: str, *, antennas
             )
 
 
-OF_THE_INSTRUMENT = tuple(
-    re.compile(step)
-    for step in (
-        "background subtracted",
-        "delays.* of the elements removed",
-        "divided by the response",
-        "cable of .* removed",
-    )
+FACTORS = tuple(
+    re.compile(step) for step in ("delays.* of the elements removed", "divided by the response", "cable of .* removed")
 )
-"""Beginnings of those steps in the history that remove an effect of the instrument; a second sweep, such as a
-background, needs the same steps."""
+"""Beginnings of those steps in the history that multiply the samples; a sweep that others are divided by needs the same
+steps."""
 
-FACTORS = OF_THE_INSTRUMENT[1:]
-"""Those of these steps that multiply the samples; a sweep that others are divided by needs the same."""
+OF_THE_INSTRUMENT = (re.compile("background subtracted"), *FACTORS)
+"""Beginnings of all steps that remove an effect of the instrument; a second sweep, such as a background, needs the
+same."""
 
 
 def check_same_steps(
