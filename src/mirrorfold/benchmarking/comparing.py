@@ -123,12 +123,8 @@ def _without_other_scenes(first: dict[Scene, Line], second: dict[Scene, Line]) -
 
     Only lines of the same version tell: digests of scenes differ between versions.
     """
-    different = [
-        scene
-        for scene in set(first) & set(second)
-        for a, b in [(first[scene], second[scene])]
-        if a.version == b.version and a.get("scene") != b.get("scene")
-    ]
+    shared = [(scene, first[scene], second[scene]) for scene in first.keys() & second.keys()]
+    different = [scene for scene, a, b in shared if a.version == b.version and a.get("scene") != b.get("scene")]
     for scene in different:
         del first[scene], second[scene]
     return len(different)
