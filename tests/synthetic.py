@@ -107,9 +107,10 @@ def together(*parts):
     return np.concatenate([p for p, _ in parts]), np.concatenate([a for _, a in parts])
 
 
-def build_tree(echoes, view, *, known=None, **settings):
+def build_tree(echoes, view, *, known=None, measured=None, **settings):
     """Tree and lines of sight of the echoes of a view: steps 2 to 4."""
-    found = find_tree(view, echoes, FoldSettings(**settings).completed(**usual_settings(view, echoes)), known=known)
+    settings = FoldSettings(**settings).completed(**usual_settings(view, echoes))
+    found = find_tree(view, echoes, settings, known=known, measured=measured)
     return found.tree, found.sight
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mirrorfold.common.types import Chain, Mask, Names
 from mirrorfold.detection import Echoes, Mirror, fold_of
-from mirrorfold.tree.explaining.edges import beyond_ends
+from mirrorfold.tree.explaining.edges import before_ends, beyond_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, images_of_radar
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
@@ -66,7 +66,8 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     through = sight.seen_through(echoes.range, echoes.direction)
     owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, UNSEEN)
     if opaque:
-        owner = beyond_ends(replace(order, sight=sight), echoes, owner)
+        order = replace(order, sight=sight)
+        owner = before_ends(order, echoes, beyond_ends(order, echoes, owner))
     chains: list[Chain] = [() for _ in order.mirrors]
 
     def node(index: int, chain: Chain, way: tuple[Mirror, ...]) -> MirrorTree:

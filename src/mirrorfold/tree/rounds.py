@@ -88,7 +88,7 @@ def find_tree(
         clear = sight.clear(echoes)
         if repeated:
             reasons.note(clear & copies(order, seen), COPY)
-        rescattered = clear & scattered(order, seen) if settings.rough_walls else np.zeros_like(clear)
+        rescattered = clear & scattered(order, seen, measured.corners) if settings.rough_walls else np.zeros_like(clear)
         if settings.rough_walls:
             # Scattered echoes in a row that was taken for a mirror go at once: that mirror does not exist.
             reasons.note(rescattered & (order.face != ROOT), SCATTERED)

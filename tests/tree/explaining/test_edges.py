@@ -32,9 +32,9 @@ def at(view, range_, beams):
     return [range_ * sine, range_ * np.sqrt(1.0 - sine**2)]
 
 
-def owners(view, places, **given):
+def owners(view, places, amplitude=1.0, **given):
     """How many echoes are seen directly, and by way of the mirror."""
-    echoes = echoes_at(view, [[-0.8, 0.8], *places])
+    echoes = echoes_at(view, [[-0.8, 0.8], *places], np.append(1.0, amplitude * np.ones(len(places))))
     settings = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
     tree, _ = assign_echoes(order_mirrors([MIRROR], view, echoes, settings), echoes, **given)
     return len(tree.objects) - 1, len(tree.mirrors[0].objects)
@@ -51,6 +51,22 @@ def test_an_object_that_reaches_farther_away_stands_beside_the_mirror(view):
     assert owners(view, [at(view, 2.9, each) for each in (0.5, 1.4, 2.3)]) == (3, 0)
     # Cut in two by a gap, the near part alone is the mirror's.
     assert owners(view, [at(view, 2.9, each) for each in (0.5, 2.3)]) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "before", "direct", "mirrored"),
+    [
+        pytest.param([0.3, 1.0, 1.0, 1.0], [-0.5], 4, 0, id="the flank of an object beside the mirror"),
+        pytest.param([1.0, 0.3, 0.3, 0.3], [-0.5], 3, 1, id="brighter than what stands beside the mirror"),
+        pytest.param([0.3, 0.3, 1.0, 1.0, 1.0], [-0.5, -1.9], 3, 2, id="on from the end of the mirror"),
+        pytest.param([0.3, 1.0, 1.0, 1.0], [-2.5], 3, 1, id="another object"),
+    ],
+)
+def test_what_is_less_than_a_beam_before_the_end_may_be_of_an_object_beside_it(
+    view, amplitude, before, direct, mirrored
+):
+    places = [at(view, 2.9, each) for each in (*before, 0.5, 1.4, 2.3)]
+    assert owners(view, places, amplitude) == (direct, mirrored)
 
 
 def test_what_stands_at_the_mirror_or_before_it_is_not_behind_it(view):

@@ -8,6 +8,7 @@ from synthetic import RANGE_CELL, U_CELL, build_tree, diffuse, radar_view, toget
 
 from mirrorfold.common.geometry import reflect, segment_normal, signed_distance
 from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.tree.measured import Measured
 
 ROUGH = np.array([0.2, 1.0]), np.array([1.0, 1.1])
 """The wall that the radar looks at askew."""
@@ -105,6 +106,13 @@ def test_what_stands_alone_where_a_wall_might_show_a_bright_object_once_more_is_
     later = np.linalg.norm(again, axis=1) - np.linalg.norm(image)
     beside = np.abs(again[:, 0] / np.linalg.norm(again, axis=1) - image[0, 0] / np.linalg.norm(image))
     fits = later > 2.5 * RANGE_CELL if farther else (later > 0.5 * RANGE_CELL) & (later < RANGE_CELL)
-    post = again[fits & (beside > 3.0 * U_CELL)][:1]
+    fits &= (beside > 3.0 * U_CELL) & (along[:, 0] > 0.5)  # not at the end of the wall
+    post = again[fits][:1]
     amplitude = 3.0 if farther else 0.72  # 30 dB above the noise would be more
-    assert near(shown(found((image, np.array([150.0 + 0j])), (post, np.array([amplitude + 0j])))), post).all()
+    parts = (image, np.array([150.0 + 0j])), (post, np.array([amplitude + 0j]))
+    assert near(shown(found(*parts)), post).all()
+    # Each leg of a right-angled corner is a mirror for some place of the wall.
+    corners = Measured(corners=lambda places: near(image, places, 2.0 * RANGE_CELL))
+    assert not near(shown(found(*parts, measured=corners)), post).any()
+    nothing = Measured(corners=lambda places: np.zeros(len(places), dtype=bool))
+    assert near(shown(found(*parts, measured=nothing)), post).all()

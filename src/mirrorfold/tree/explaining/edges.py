@@ -1,8 +1,9 @@
-"""Echoes beside the end of a mirror that are seen by way of the mirror all the same, because a beam has a width.
+"""Echoes beside the end of a mirror that are seen on the other side of that end, because a beam has a width.
 
 Where the middle of a beam just misses the end of a mirror, half of the beam is still reflected. So an object that the
 mirror shows at its end also appears up to a beam's width beyond the end, where it would pass for an object behind the
-mirror.
+mirror. Just so, an object behind the mirror and beside its end also appears up to a beam's width before the end, where
+it would pass for an object that the mirror shows.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 
 from mirrorfold.common.types import Index
 from mirrorfold.detection import Echoes, fold_of
+from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
 from mirrorfold.tree.ordering import Order
 
@@ -48,3 +50,27 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             fold = fold_of(order.mirrors_to(mirror), view.dimensions)
             owner[moved[~sight.contradicted(echoes.take(moved), fold)]] = mirror
     return owner
+
+
+def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
+    """As `beyond_ends`, for echoes that are seen by way of a mirror, less than a beam before its end, (n,).
+
+    Such an echo is assigned to the mirror's parent if the echoes beyond the end that it touches are brighter, and if no
+    echo of the same object is a beam or more before the end.
+    """
+    sight, view, corrected = order.sight, order.sight.view, owner.copy()
+    through = sight.seen_through(echoes.range, echoes.direction)
+    for side in view.beside(echoes.range, echoes.direction, STRONG_SHARE):
+        shown = sight.seen_through(echoes.range, side)
+        for mirror, parent in enumerate(sight.parent):
+            own = np.flatnonzero((owner == parent) | ((owner == mirror) & (through == mirror)))
+            before = owner[own] == mirror
+            beside = before & (shown[own] == parent)
+            if not beside.any():
+                continue
+            number = object_numbers(view, echoes.range[own], echoes.direction[own])
+            reaches_on = np.bincount(number, weights=before & ~beside) > 0.0
+            inside, beyond = (brightest_of(number, np.where(some, echoes.amplitude[own], 0.0))
+                              for some in (before, ~before))  # fmt: skip
+            corrected[own[beside & ((beyond > inside) & ~reaches_on)[number]]] = parent
+    return corrected

@@ -5,10 +5,14 @@ normal of another wall before it. The other wall sends the wave straight back, a
 radar. If that place is at range r0 and the distance d away from the other wall, an echo stands in its direction at
 r0 + d. That is nearer than the mirror image of the other wall, which the same line of sight meets at a slant: it looks
 like an object hidden between the two. A bright object at the distance d, such as a corner, makes such echoes, too:
-faint ones behind all places of the wall, farther away than the object's mirror image.
+faint ones behind all places of the wall, farther away than the object's mirror image, and bright ones behind those
+places that a leg of the corner looks at squarely.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,15 +32,18 @@ OUTSHINES_DB, FADED_DB = 10.0, 30.0
 """Largest level of such an echo over the median of the image where the other places of the wall would repeat the same
 object: a rough wall scatters from all of its places alike. The first number is for echoes beside the object's mirror
 image and hardly behind it: speckle outshines its mean by up to 10 dB. The second is for all others, as where speckle
-fades, its mean is up to 20 dB lower still."""
+fades, its mean is up to 20 dB lower still. There is no limit for a corner: each of its legs is a mirror for those
+places that it looks at squarely."""
 
 WEAKER_DB, APART_CELLS = -20.0, 2.0
 """Largest level of such an echo over that of the object that it repeats; and its least distance from the object's
 mirror image, which has echoes of its own around it: in range cells behind the image, unless the echo lies in a row, or
 in resolution cells beside it."""
 
+Corners = Callable[[Array], Mask]
 
-def scattered(order: Order, echoes: Echoes) -> Mask:
+
+def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> Mask:
     """Which echoes behind mirrors these may have scattered towards other walls or objects and back, (n,).
 
     Echoes in a row that was taken for a mirror may be among them. In a volume there are none.
@@ -46,6 +53,8 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
     order : Order
         Of the mirrors, with the `face` of the same echoes.
     echoes : Echoes
+    corners : callable, optional
+        Which places (n, 2) [m] of the image show right-angled corners, (n,).
     """
     found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
     if not isinstance(view, ImageView):
@@ -66,7 +75,7 @@ def scattered(order: Order, echoes: Echoes) -> Mask:
             if other != rough:
                 sent_back = _square_to(wall, surface, seen)
                 found[own[sent_back & (order.face[own] != other)]] = True
-        found[own[_of_objects(*objects, order, rough, surface, seen, order.face[own] == ROOT)]] = True
+        found[own[_of_objects(objects, order, rough, surface, seen, order.face[own] == ROOT, corners)]] = True
     return found
 
 
@@ -130,39 +139,66 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
     return np.asarray(before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off))
 
 
+class _Objects(NamedTuple):
+    """Objects, one for each resolution cell of the image.
+
+    Attributes
+    ----------
+    seen, places : (m, 2) arrays [m]
+        Their places in the image, and their true places.
+    level : (m,) array
+        Their amplitudes.
+    """
+
+    seen: Array
+    places: Array
+    level: Array
+
+
 def _of_objects(
-    objects: Array, level: Array, order: Order, number: int, rough: _Surface, echoes: Echoes, single: Mask
+    objects: _Objects,
+    order: Order,
+    number: int,
+    rough: _Surface,
+    echoes: Echoes,
+    single: Mask,
+    corners: Corners | None,
 ) -> Mask:
     """Which echoes the rough wall of that `number` may make of bright objects, (n,).
 
-    The objects stand at (m, 2) [m] and have amplitudes `level` (m,). Echoes that are `single` (n,) lie in no row.
+    Echoes that are `single` (n,) lie in no row.
     """
     view = order.sight.view
     # The path over the wall is shortest where it reflects the object. By all other places the object appears farther.
-    image = in_image(order.mirrors_to(number), objects)
+    image = in_image(order.mirrors_to(number), objects.places)
     nearest, apart = np.linalg.norm(image - view.radar, axis=1), APART_CELLS * view.range_cell
-    distance = np.linalg.norm(rough.places[:, None] - objects, axis=2)
+    distance = np.linalg.norm(rough.places[:, None] - objects.places, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.depth_behind(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
     beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
     later = echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
     found &= later | (beside & (echoes.range[:, None] >= nearest))
-    found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * level
+    found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * objects.level
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
     usual = rough.median_amplitude(distance[:, some], far)
     most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * usual
-    return np.asarray((found[:, some] & (echoes.amplitude[:, None] <= most)).any(axis=1))
+    faint = echoes.amplitude[:, None] <= most
+    legs = np.zeros(some.size, dtype=bool)
+    if corners is not None:
+        bright = (found[:, some] & ~faint).any(axis=0)
+        legs[bright] = corners(objects.seen[some[bright]])
+    return np.asarray((found[:, some] & (faint | legs)).any(axis=1))
 
 
-def _objects(order: Order, echoes: Echoes) -> tuple[Array, Array]:
-    """True places (n, 2) [m] of objects, one for each resolution cell of the image, and their amplitudes (n,)."""
+def _objects(order: Order, echoes: Echoes) -> _Objects:
+    """The objects, direct and by way of mirrors."""
     view = order.sight.view
     objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
     objects = objects.take(view.brightest(objects.position, objects.amplitude))
     through = order.sight.seen_through(objects.range, objects.direction)
-    places, levels = [np.empty((0, view.dimensions))], [np.empty(0)]
-    for index in np.unique(through[through != UNSEEN]):
-        seen = objects.take(through == index)
-        places.append(fold_of(order.mirrors_to(int(index)), view.dimensions)(seen.position))
-        levels.append(seen.amplitude)
-    return np.concatenate(places), np.concatenate(levels)
+    objects, through = objects.take(through != UNSEEN), through[through != UNSEEN]
+    places = np.empty_like(objects.position)
+    for index in np.unique(through):
+        fold = fold_of(order.mirrors_to(int(index)), view.dimensions)
+        places[through == index] = fold(objects.position[through == index])
+    return _Objects(objects.position, places, objects.amplitude)
