@@ -12,7 +12,7 @@ import profiles  # noqa: F401
 import pytest
 import xarray as xr
 from browser import chromium  # noqa: F401
-from remembered import of_this_run, remembered_rays  # noqa: F401
+from remembered import folder, of_this_run, remembered_rays  # noqa: F401
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.geometry import reflect, segment_normal

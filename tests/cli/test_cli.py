@@ -37,16 +37,6 @@ NEEDED = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction, scene_file):
-    """A working directory with a scene and a valid file of each kind."""
-    monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "sweep.nc")
-    mf.save(image, "image.nc")
-    mf.save(reconstruction, "reconstruction.nc")
-    return tmp_path
-
-
 def names(folder):
     return sorted(path.name for path in folder.rglob("*"))
 

@@ -24,15 +24,6 @@ from mirrorfold.scenes.families import FAMILIES, RADARS
 PLAN = ["--band", "270e9:300e9", "--points", "101", "--aperture", "0.02", "--pitch", "0.5e-3", "--range", "1"]
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction, scene_file):
-    monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "sweep.nc")
-    mf.save(image, "image.nc")
-    mf.save(reconstruction, "reconstruction.nc")
-    return tmp_path
-
-
 def checked(capsys, verb, *arguments, code=0):
     """The record that a verb prints, which must be all that it prints, with every field that is printed."""
     assert main([verb, *arguments, "--json"]) == code

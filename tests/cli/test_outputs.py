@@ -16,16 +16,6 @@ from mirrorfold.io.files import check_output, directory_written_atomically, writ
 PLAN = ["plan", "--band", "270e9:300e9", "--points", "401", "--aperture", "0.08", "--pitch", "0.5e-3", "--range", "4"]
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction, scene_file):
-    """A working directory with a scene and a valid file of each kind."""
-    monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "sweep.nc")
-    mf.save(image, "image.nc")
-    mf.save(reconstruction, "reconstruction.nc")
-    return tmp_path
-
-
 @pytest.mark.parametrize("kind", ["pipe", "socket", "device", "link to a device", "folder"])
 def test_nothing_but_files_is_replaced(tmp_path, kind):
     path = tmp_path / "out.nc"

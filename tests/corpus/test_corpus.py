@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-import mirrorfold as mf
 from mirrorfold.cli import main
 
 FOLDER = Path(__file__).parent
@@ -20,14 +19,6 @@ CASES = tomllib.loads((FOLDER / "cases.toml").read_text(encoding="utf-8"))["case
 
 LONGEST = 2100
 """Letters of a sentence that somebody reads, with the name of the program before it."""
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
-    monkeypatch.chdir(tmp_path)
-    for name, thing in (("sweep.nc", sweep), ("image.nc", image), ("reconstruction.nc", reconstruction)):
-        mf.save(thing, name)
-    return tmp_path
 
 
 @pytest.mark.slow

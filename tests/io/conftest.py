@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from point_target import echo, line_of
 
-import mirrorfold as mf
-
 
 @pytest.fixture
 def rng():
@@ -35,10 +33,8 @@ def npz(tmp_path, measured):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, sweep, image, reconstruction):
-    """A file of each kind in the working directory."""
-    monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "s.nc")
-    mf.save(image, "i.nc")
-    mf.save(reconstruction, "r.nc")
-    return tmp_path
+def folder(folder):
+    """The same working directory, with short names of files."""
+    for path in folder.glob("*.nc"):
+        path.rename(f"{path.name[0]}.nc")
+    return folder

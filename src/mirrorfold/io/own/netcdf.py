@@ -71,12 +71,13 @@ def read(path: Path) -> xr.Dataset | xr.DataArray | xr.DataTree:
     kind = content.attrs.get("mirrorfold_kind")
     if kind is None:  # written by xarray's own `to_netcdf`, or by another tool
         kind = "sweep" if "s" in content else "image" if "image" in content else None
-    if kind == "sweep":
-        return check_sweep(content.to_dataset(), source=str(path))
-    if kind == "image":
-        return check_image(_as_image(content.to_dataset(), str(path)), source=str(path))
-    if kind == "reconstruction":
-        return check_reconstruction(content, source=str(path))
+    if isinstance(kind, str):  # and no array, which damage may leave
+        if kind == "sweep":
+            return check_sweep(content.to_dataset(), source=str(path))
+        if kind == "image":
+            return check_image(_as_image(content.to_dataset(), str(path)), source=str(path))
+        if kind == "reconstruction":
+            return check_reconstruction(content, source=str(path))
     found = (
         f"mirrorfold_kind is {in_message(kind)}"
         if kind is not None
@@ -203,14 +204,12 @@ def _check_sizes(path: Path, only: Collection[str] | None) -> None:
 def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
     """The root of a file, with its groups if it is a reconstruction, in memory."""
     with h5py.File(path) as file:  # fails here, as h5netcdf would print on stderr
-        dict(file.attrs)
+        kind = dict(file.attrs).get("mirrorfold_kind")
+    if only is None and isinstance(kind, str) and kind == "reconstruction":
+        with xr.open_datatree(path, engine=ENGINE, phony_dims="access") as tree:
+            return xr.DataTree.from_dict({node.path: node.to_dataset(inherit=False).load() for node in tree.subtree})
     with xr.open_dataset(path, engine=ENGINE, phony_dims="access") as root:
-        if only is not None:
-            return xr.DataTree(root[[name for name in root.variables if name in only]].load())
-        if root.attrs.get("mirrorfold_kind") != "reconstruction":
-            return xr.DataTree(root.load())
-    with xr.open_datatree(path, engine=ENGINE, phony_dims="access") as tree:
-        return xr.DataTree.from_dict({node.path: node.to_dataset(inherit=False).load() for node in tree.subtree})
+        return xr.DataTree((root if only is None else root[[name for name in root.variables if name in only]]).load())
 
 
 def _as_image(content: xr.Dataset, source: str) -> xr.DataArray:
