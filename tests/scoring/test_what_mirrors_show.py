@@ -56,6 +56,12 @@ def test_short_pieces_are_not_counted_on_as_mirrors_and_curved_ones_are():
     assert seen(make_scene(SCREEN, {**curved, "start_angle": 170.0, "stop_angle": 174.0}, HIDDEN))[2][1] == 0.0
 
 
+@pytest.mark.parametrize(("radius", "share"), [(0.051, 1.0), (0.049, 0.0)])
+def test_a_rod_is_no_mirror_and_a_pipe_is_one(radius, share):
+    rod = {"kind": "circle", "center": [0.85, 0.75], "radius": radius}
+    assert seen(make_scene(SCREEN, rod, HIDDEN))[2] == (0.0, share)
+
+
 def test_two_mirrors_show_what_one_does_not():
     """A periscope of two mirrors at 45 degrees, with walls all round what they show."""
     first, second = segment((-0.3, 0.9), (0.3, 1.5)), segment((0.9, 0.8), (1.5, 1.6))

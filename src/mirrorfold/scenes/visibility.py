@@ -29,6 +29,10 @@ CHORD = 0.01
 SHORTEST_MIRROR = 0.15
 """Least length [m] of a straight piece that counts as a mirror."""
 
+SMALLEST_RADIUS = 0.05
+"""Least radius [m] of an arc or circle that counts as a mirror. A smaller one spreads the waves so much that two places
+which it shows to the array are not told apart, nor from its own echo: it is an object."""
+
 STRAIGHT = ("segment", "polyline")
 """Kinds of surfaces whose pieces count as flat mirrors."""
 
@@ -95,7 +99,7 @@ def visible_truth(
         chains = longer
     if bounces and curved:
         for surface in scene.surface:
-            if isinstance(surface, Arc | Circle) and not reachable.all():
+            if isinstance(surface, Arc | Circle) and surface.radius >= SMALLEST_RADIUS and not reachable.all():
                 unseen = ~reachable
                 reachable[unseen] |= _seen_in_arc(surface, radar, truth[unseen], normals[unseen], blockers, limit)
     return direct, reachable

@@ -9,7 +9,7 @@ from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Patch, Scene3D
-from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, farthest_range
+from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, SMALLEST_RADIUS, farthest_range
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.transparent import WallImages
@@ -91,6 +91,8 @@ def visible_truth(
         reachable[which] = True
         direct[which] |= not chain
     for face in round_faces(scene, frequency) if bounces else ():
+        if face.shape.radius < SMALLEST_RADIUS:
+            continue
         seen, places, _ = shown_in(
             scene, traced, face, place, normals, frequency=frequency, smallest_cosine=SMALLEST_COSINE
         )
