@@ -152,6 +152,8 @@ def test_what_is_none_of_ours_is_refused(tmp_path):
     refused(tmp_path / "t.nc", r"holds the variables \['t'\], expected a sweep, an image or")
     xr.Dataset(attrs={"mirrorfold_kind": "cake"}).to_netcdf(tmp_path / "cake.nc", engine="h5netcdf")
     refused(tmp_path / "cake.nc", "mirrorfold_kind is 'cake'")
+    xr.Dataset(attrs={"mirrorfold_kind": [1, 2]}).to_netcdf(tmp_path / "two.nc", engine="h5netcdf")
+    refused(tmp_path / "two.nc", "mirrorfold_kind is an array")
     xr.Dataset(attrs={"mirrorfold_kind": "image"}).to_netcdf(tmp_path / "image.nc", engine="h5netcdf")
     refused(tmp_path / "image.nc", "holds no variable 'image'")
 

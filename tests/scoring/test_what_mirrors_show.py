@@ -10,7 +10,9 @@ import pytest
 from floor_plans import HIDDEN, MIRROR, SCREEN, segment
 from scipy.constants import speed_of_light
 
+from mirrorfold.scenes.floor_plan import parse_scene
 from mirrorfold.scenes.visibility import visible_truth
+from mirrorfold.scoring import volumes
 
 make_scene = partial(floor_plans.make_scene, band={"start": 290e9, "stop": 300e9, "points": 401})
 
@@ -60,6 +62,24 @@ def test_short_pieces_are_not_counted_on_as_mirrors_and_curved_ones_are():
 def test_a_rod_is_no_mirror_and_a_pipe_is_one(radius, share):
     rod = {"kind": "circle", "center": [0.85, 0.75], "radius": radius}
     assert seen(make_scene(SCREEN, rod, HIDDEN))[2] == (0.0, share)
+
+
+@pytest.mark.parametrize(("radius", "shown"), [(0.051, True), (0.049, False)])
+def test_a_small_ball_is_no_mirror_and_a_larger_one_is(radius, shown):
+    """It stands before the scanner, which sees the box aside in it alone."""
+    metal = {"material": "pec", "diffuse_fraction": 0.0}
+    ball = {"kind": "sphere", "center": [0.0, 2.0, 0.0], "radius": radius}
+    box = {"kind": "box", "center": [1.0, 1.6, 0.0], "size": [0.2, 0.2, 0.2]}
+    sides = {"start": -10.0, "stop": 10.0, "points": 21}
+    scanner = {"azimuth": sides, "elevation": sides, "spot_radius": 0.01, "focus_distance": 2.0}
+    surfaces = [{"name": name, **metal, **what} for name, what in (("ball", ball), ("box", box))]
+    band = {"start": 280e9, "stop": 300e9, "points": 1001}
+    scene = parse_scene({"name": "test", "dimensions": 3, "scanner": scanner, "band": band, "surface": surfaces})
+    seen = volumes.truth(scene)
+    of_box = seen.owner == 1
+    assert of_box.any()
+    assert not seen.direct[of_box].any()
+    assert seen.reachable[of_box].any() == shown
 
 
 def test_two_mirrors_show_what_one_does_not():
