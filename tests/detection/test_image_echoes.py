@@ -17,7 +17,7 @@ from mirrorfold.detection.image_echoes import (
     find_ridges,
     noise_floor,
 )
-from mirrorfold.detection.views.image_view import to_image_view
+from mirrorfold.detection.views.image_to_view import to_image_view
 
 
 def decibel(ratio):

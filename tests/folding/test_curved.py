@@ -12,7 +12,7 @@ from serving import WALLS, two_walls
 
 import mirrorfold as mf
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.views.image_view import to_image_view
+from mirrorfold.detection.views.image_to_view import to_image_view
 from mirrorfold.folding.magnification import BEYOND, NEAR, magnified
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.scenes.families import draw

@@ -8,7 +8,7 @@ import xarray as xr
 
 from mirrorfold.common.forecasts import total
 from mirrorfold.detection.search.fit import PROFILE_SAMPLES
-from mirrorfold.detection.views.image_view import samples_of
+from mirrorfold.detection.views.image_to_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.folding.memory import DRAWING_ARRAYS, RIDGE_ARRAYS, fold_parts
 from mirrorfold.tree.explaining import directions

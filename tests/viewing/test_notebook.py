@@ -14,7 +14,7 @@ from synthetic import build_tree, diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.common.svg import Stroke, picture
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.views.image_view import to_image_view
+from mirrorfold.detection.views.image_to_view import to_image_view
 from mirrorfold.viewing.notebook import to_html
 
 HOSTILE = "</td><script>alert(1)</script>\"'"

@@ -27,7 +27,8 @@ from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.search import lines, planes
 from mirrorfold.detection.search.arcs import find_arcs
 from mirrorfold.detection.search.round_sheets import find_round_sheets
-from mirrorfold.detection.views.image_view import ImageView, to_image_view
+from mirrorfold.detection.views.image_to_view import to_image_view
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import VOLUME, VOXELS, View
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.errors import InputError

@@ -7,7 +7,7 @@ import xarray as xr
 
 from mirrorfold.common.forecasts import Parts, fullest
 from mirrorfold.detection.search.fit import PROFILE_SAMPLES
-from mirrorfold.detection.views.image_view import samples_of
+from mirrorfold.detection.views.image_to_view import samples_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.tree.explaining.directions import bytes_at_once
 from mirrorfold.tree.explaining.waves import profile_bytes
@@ -68,8 +68,8 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
         seen = {"amplitude": image.dtype.itemsize * pixels}
     stages = [held | view | seen, held | view | {"noise, side lobes and ridges": RIDGE_ARRAYS * DOUBLE * samples}]
     if sweep is not None and "rx" in sweep.dims:  # a single moving antenna measures no directions
+        held = held | {"range profiles of pairs": profile_bytes(sweep)}
         stages.append(held | view | {"directions of echoes": bytes_at_once(sweep)})
-        stages.append(held | view | {"range profiles of pairs": profile_bytes(sweep)})
     drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
     return fullest(*stages, held | view | drawn | {"pictures": 2.0 * SINGLE * pixels})
 

@@ -12,6 +12,7 @@ from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
 from mirrorfold.tree.explaining.misplaced import Known, are_corners, confocal, misplaced
+from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.ordering import Order
 
 
@@ -53,13 +54,14 @@ def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
     """Measurements by the sweep that the image was focused from; each echo is measured once, for all views."""
     tested: Known = {}
     ends: dict[tuple[float, ...], float] = {}
+    waves = SweepWaves(sweep)
 
     def measure(view: ImageView) -> Measured:
         return Measured(
-            explain=partial(misplaced, sweep=sweep, view=view, known=tested),
+            explain=partial(misplaced, sweep=sweep, view=view, known=tested, waves=waves),
             overhangs=partial(half_shadows, sweep=sweep, known=ends),
             confocal_share=partial(confocal, sweep=sweep, view=view, known=tested),
-            corners=partial(are_corners, sweep=sweep, view=view, known=tested),
+            corners=partial(are_corners, waves=waves, view=view, known=tested),
         )
 
     return measure

@@ -173,7 +173,7 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
     from synthetic import build_tree
 
     from mirrorfold.detection.image_echoes import find_ridges
-    from mirrorfold.detection.views.image_view import to_image_view
+    from mirrorfold.detection.views.image_to_view import to_image_view
 
     polar = to_image_view(view)
     tree, sight = build_tree(find_ridges(polar), polar)

@@ -18,7 +18,8 @@ from scipy.constants import speed_of_light
 from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, empty_view, radar_image, radar_view
 
 import mirrorfold as mf
-from mirrorfold.detection.views.image_view import LARGEST_SINE, to_image_view
+from mirrorfold.detection.views.image_to_view import to_image_view
+from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.detection.views.view import check_samples
 from mirrorfold.sweep import make_sweep
 

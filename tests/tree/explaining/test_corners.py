@@ -11,6 +11,7 @@ import mirrorfold as mf
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.tree.explaining.corners import vertices
 from mirrorfold.tree.explaining.misplaced import are_corners
+from mirrorfold.tree.explaining.waves import SweepWaves
 
 RANGE, SINE = 0.6, -0.3
 
@@ -21,15 +22,17 @@ def test_a_corner_is_told_from_a_point_and_a_face(shape):
     view = view_of(tx, rx)
     sweep = sweep_of([shape(RANGE, SINE, tx, rx), point(RANGE + 0.1, 0.4, tx, rx)], tx, rx, noise=0.3)
     places = view.to_points(np.array([RANGE]), np.array([SINE]))
-    assert_array_equal(are_corners(places, sweep, view, {}), [shape is corner])
-    assert are_corners(np.zeros((0, 2)), sweep, view, {}).shape == (0,)
+    assert_array_equal(are_corners(places, SweepWaves(sweep), view, {}), [shape is corner])
+    assert are_corners(np.zeros((0, 2)), SweepWaves(sweep), view, {}).shape == (0,)
 
 
 def test_one_transmitter_tells_no_corner():
     tx, rx = array()[56:57], array()
     view = view_of(tx, rx)
     sweep = sweep_of([corner(RANGE, SINE, tx, rx)], tx, rx)
-    assert_array_equal(are_corners(view.to_points(np.array([RANGE]), np.array([SINE])), sweep, view, {}), [False])
+    assert_array_equal(
+        are_corners(view.to_points(np.array([RANGE]), np.array([SINE])), SweepWaves(sweep), view, {}), [False]
+    )
 
 
 def test_rows_that_cross_have_a_vertex():

@@ -16,6 +16,7 @@ from mirrorfold.folding.confident import confident_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.explaining import waves
 from mirrorfold.tree.explaining.misplaced import LARGEST_WRAPPING_RATIO, LATE
+from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
 
 
@@ -30,7 +31,7 @@ def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range
     view = view_of(tx, rx)
     for far in (False, True):
         sweep = sweep_of([shape(range_ + far * PERIOD, u, tx, rx)], tx, rx)
-        ratio = wrapping_ratio(sweep, view, np.array([range_]), np.array([u]))
+        ratio = wrapping_ratio(SweepWaves(sweep), view, np.array([range_]), np.array([u]))
         assert ratio[0] > 2.0 if far else ratio[0] < 0.6
 
 
@@ -65,11 +66,11 @@ def test_faint_echoes_beside_a_bright_one_at_their_range_are_told_by_more_pairs(
     s = np.exp(-1j * k * near) + 0.07 * np.exp(-1j * k * late)
     sweep = mf.make_sweep(s.astype(np.complex64), frequency=BAND, tx_position=tx, rx_position=rx)
     echoes = np.array([0.5, 0.5]), np.array([-0.2, 0.4])
-    bright, faint = wrapping_ratio(sweep, view, *echoes)
+    bright, faint = wrapping_ratio(SweepWaves(sweep), view, *echoes)
     assert bright <= 1.0
     assert faint > 1.8
     monkeypatch.setattr(waves, "PAIRS", (1000, 1000))
-    assert wrapping_ratio(sweep, view, *echoes)[1] == 1.0
+    assert wrapping_ratio(SweepWaves(sweep), view, *echoes)[1] == 1.0
 
 
 def test_waves_that_are_flat_either_way_prove_nothing():
@@ -77,9 +78,9 @@ def test_waves_that_are_flat_either_way_prove_nothing():
     tx = rx = array()[48:65]
     sweep = sweep_of([point(1.1 + PERIOD, 0.1, tx, rx)], tx, rx)
     view = view_of(tx, rx)
-    ratio = wrapping_ratio(sweep, view, np.array([1.1]), np.array([0.1]))
+    ratio = wrapping_ratio(SweepWaves(sweep), view, np.array([1.1]), np.array([0.1]))
     assert 1.0 < ratio[0] < LARGEST_WRAPPING_RATIO
-    assert_array_equal(wrapping_ratio(sweep, view, np.zeros(0), np.zeros(0)), [])
+    assert_array_equal(wrapping_ratio(SweepWaves(sweep), view, np.zeros(0), np.zeros(0)), [])
 
 
 def short_array(elements=41):
@@ -94,7 +95,7 @@ def test_late_echoes_are_told_from_near_ones_by_a_thinned_array(shape):
     tx = rx = short_array()
     view = view_of(tx, rx)
     sweep = sweep_of([shape(0.4, -0.3, tx, rx), shape(0.5 + PERIOD, 0.2, tx, rx)], tx, rx, noise=0.7)
-    near, late = wrapping_ratio(sweep, view, np.array([0.4, 0.5]), np.array([-0.3, 0.2]))
+    near, late = wrapping_ratio(SweepWaves(sweep), view, np.array([0.4, 0.5]), np.array([-0.3, 0.2]))
     assert near <= 1.0
     assert late > 1.8
 
@@ -113,7 +114,7 @@ def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spre
     monkeypatch.setattr(waves, "coherence", coherence)
     # A spike in every pair at the path of the echo, so that the window shows where it was cut out.
     path = np.full((len(tx), len(rx)), 2.0 * range_)
-    wrapping_ratio(sweep_of([path], tx, rx), view_of(tx, rx), np.array([range_]), np.array([u]))
+    wrapping_ratio(SweepWaves(sweep_of([path], tx, rx)), view_of(tx, rx), np.array([range_]), np.array([u]))
     assert [shape for shape, *_ in asked] == [waves.POINT, waves.FACE, waves.CORNER] * 2
     assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_ + PERIOD, range_], 3))
     wavelength = speed_of_light / BAND.mean()
@@ -136,8 +137,10 @@ def test_where_no_waves_arrive_in_phase_nothing_is_said():
     random = np.random.default_rng(0)
     sweep = sweep_of([point(0.4, -0.3, tx, rx)], tx, rx)
     noise = sweep.assign(s=(sweep["s"].dims, random.standard_normal((*sweep["s"].shape, 2)) @ [1.0, 1.0j]))
-    assert_array_equal(wrapping_ratio(noise, view_of(tx, rx), np.array([0.4, 0.8]), np.array([-0.3, 0.5])), 1.0)
-    assert_array_equal(wrapping_ratio(sweep, view_of(tx, rx), np.array([0.8]), np.array([0.5])), 1.0)
+    assert_array_equal(
+        wrapping_ratio(SweepWaves(noise), view_of(tx, rx), np.array([0.4, 0.8]), np.array([-0.3, 0.5])), 1.0
+    )
+    assert_array_equal(wrapping_ratio(SweepWaves(sweep), view_of(tx, rx), np.array([0.8]), np.array([0.5])), 1.0)
 
 
 def test_the_verdict_is_the_same_wherever_the_array_stands_and_points():
@@ -145,14 +148,16 @@ def test_the_verdict_is_the_same_wherever_the_array_stands_and_points():
     tx = rx = short_array()
     sweep = sweep_of([point(0.5 + PERIOD, 0.2, tx, rx)], tx, rx)
     turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
-    expected = wrapping_ratio(sweep, view_of(tx, rx), np.array([0.5]), np.array([0.2]))
+    expected = wrapping_ratio(SweepWaves(sweep), view_of(tx, rx), np.array([0.5]), np.array([0.2]))
     turned = tx.copy()
     turned[:, :2] = tx[:, :2] @ turn
     view = replace(view_of(tx, rx), along=turn[0], broadside=turn[1])
     moved = sweep.assign_coords(
         {f"{side}_position": sweep[f"{side}_position"].copy(data=turned) for side in ("tx", "rx")}
     )
-    np.testing.assert_allclose(wrapping_ratio(moved, view, np.array([0.5]), np.array([0.2])), expected, rtol=1e-3)
+    np.testing.assert_allclose(
+        wrapping_ratio(SweepWaves(moved), view, np.array([0.5]), np.array([0.2])), expected, rtol=1e-3
+    )
 
 
 def test_a_window_may_reach_over_the_end_of_the_ambiguous_range():
@@ -161,5 +166,5 @@ def test_a_window_may_reach_over_the_end_of_the_ambiguous_range():
     sweep = sweep_of([point(0.9995 * PERIOD, 0.6, tx, rx)], tx, rx, noise=0.3)
     path = point(0.9995 * PERIOD, 0.6, tx, rx)
     assert path.min() < 2.0 * PERIOD < path.max()
-    ratio = wrapping_ratio(sweep, view_of(tx, rx), np.array([0.9995 * PERIOD]), np.array([0.6]))
+    ratio = wrapping_ratio(SweepWaves(sweep), view_of(tx, rx), np.array([0.9995 * PERIOD]), np.array([0.6]))
     assert ratio[0] < 0.95

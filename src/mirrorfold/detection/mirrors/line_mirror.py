@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mirrorfold.common.geometry import segment_normal, unit
+from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror
@@ -53,11 +53,11 @@ class LineMirror(Mirror):
     def __post_init__(self) -> None:
         along = self.end - self.start
         length = math.sqrt(along @ along)
+        direction = along / (length or math.nan)  # a piece that is cut off may have no length
         object.__setattr__(self, "center", 0.5 * (self.start + self.end))
         object.__setattr__(self, "length", length)
-        with np.errstate(invalid="ignore"):  # a piece that is cut off may have no length
-            object.__setattr__(self, "direction", along / length)
-            object.__setattr__(self, "normal", segment_normal(self.start, self.end))
+        object.__setattr__(self, "direction", direction)
+        object.__setattr__(self, "normal", np.array([-direction[1], direction[0]]))
 
     @property
     def tangents(self) -> Array:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.mirrors.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.search.fit import blocks, cell_side
@@ -53,6 +54,9 @@ SHARES = 5
 
 LARGEST_BACK = 0.4
 """Largest share of the power that the back of a slab scatters: it is dimmed by all that lies before it."""
+
+TABLE_STEP, LARGEST_Q = 2.0**-8, 16.0
+"""Step and end of the table of the window's power against q: interpolated to 1e-5 of its peak, and 1e-8 at its end."""
 
 FLOOR = 0.01
 """Power, relative to the profile's peak, that may not be of the wall: side lobes of brighter echoes, 20 dB down."""
@@ -215,11 +219,33 @@ def cell_across(mirror: Mirror, view: View, places: Array, spread: float) -> Arr
     depth = spread * STEP * np.arange(-round(LOBE / STEP), round(LOBE / STEP) + 1)
     cosine, tangent = _incidence(mirror, view, places)
     aside = np.linspace(-2.5, 2.5, 161)
-    range_ = depth / cosine[:, None, None] + (aside[:, None] * (view.cross_cell(places) * tangent)[:, None, None])
-    q = 2.0 * range_ / view.range_cell
-    q = np.where(np.abs(np.abs(q) - 1.0) < 1e-6, q + 1e-5, q)
-    predicted = np.einsum("nxz,x->nz", (np.sinc(q) / (1.0 - q**2)) ** 2, view.beam_power(aside))
+    cells = 2.0 / view.range_cell / TABLE_STEP
+    predicted = np.zeros((len(places), depth.size))
+    _through_cell(
+        cells * depth[None] / cosine[:, None], cells * (view.cross_cell(places) * tangent)[:, None] * aside,
+        view.beam_power(aside), _window_power(), predicted,
+    )  # fmt: skip
     return np.mean(predicted / predicted.sum(axis=1, keepdims=True), axis=0)
+
+
+@lru_cache(1)
+def _window_power() -> Array:
+    """Power of the Hann window, W of `cell_across`, at q in steps of `TABLE_STEP` up to `LARGEST_Q`; then zero."""
+    q = np.arange(0.0, LARGEST_Q, TABLE_STEP)
+    q = np.where(np.abs(q - 1.0) < 1e-6, q + 1e-5, q)
+    return np.append((np.sinc(q) / (1.0 - q**2)) ** 2, [0.0, 0.0])
+
+
+@njit(nogil=True, error_model="numpy")
+def _through_cell(depth: Array, farther: Array, beam: Array, window: Array, out: Array) -> None:
+    """``sum over x of window[|depth[n, z] + farther[n, x]|] beam[x]``, interpolated in the window, (n, z)."""
+    for n in range(depth.shape[0]):
+        for x in range(beam.size):
+            for z in range(depth.shape[1]):
+                at = min(abs(depth[n, z] + farther[n, x]), window.size - 2.0)
+                first = int(at)
+                value = window[first] + (at - first) * (window[first + 1] - window[first])
+                out[n, z] += beam[x] * value
 
 
 def _incidence(mirror: Mirror, view: View, places: Array) -> tuple[Array, Array]:

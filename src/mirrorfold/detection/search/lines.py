@@ -24,8 +24,9 @@ from mirrorfold.detection.search.fit import (
     refined,
     split_in_two,
 )
-from mirrorfold.detection.search.fronts import find_front
+from mirrorfold.detection.search.fronts import Front, find_front
 from mirrorfold.detection.search.growing import NEAR, Search
+from mirrorfold.detection.search.remembered import remembered
 from mirrorfold.detection.search.rows import heaviest_row
 from mirrorfold.detection.views.image_view import ImageView
 
@@ -185,18 +186,25 @@ class _Lines(Search[LineMirror]):
         row = heaviest_row(position, self.view.extent(near, mirror.direction), weight)
         longer = mirror.part(min(float(position[row].min()), 0.0), max(float(position[row].max()), mirror.length))
         longer = self._without_shining_ends(longer, self.every.take(np.flatnonzero(self.every.visible)[on_it][row]))
-        mirror, stray = refined(longer, self.view, *LOBE)
+        mirror, stray = self._fitted(longer)
         for _ in range(2):  # an object may stand at either end
             whole = self._unbroken(mirror)
             if whole is mirror:
                 break
-            mirror, stray = refined(whole, self.view, *LOBE)
-        front = find_front(mirror, self.view)
+            mirror, stray = self._fitted(whole)
+        front = _front(mirror, self.view)
         if stray < STRAY * front.depth:
             return mirror
         face = mirror.moved(mirror.normal, mirror.center - front.depth * mirror.inward(self.view))
         face = replace(face, offset_error=float(np.hypot(mirror.offset_error, front.error)))
-        return _parallel_to_speckle(face, self.view) if front.depth > DEEP * self.view.range_cell else face
+        deep = front.depth > DEEP * self.view.range_cell
+        return face.moved(_normal_by_speckle(face, self.view), face.center) if deep else face
+
+    def _fitted(self, mirror: LineMirror) -> tuple[LineMirror, float]:
+        """The mirror, fitted to the image, and the deviation [m] of the centroids from it; see `fit.refined`."""
+        line, deviation = _fit(mirror, self.view)
+        fitted = replace(mirror, start=line.start, end=line.end, angle_error=line.angle_error)
+        return replace(fitted, offset_error=line.offset_error), deviation
 
     def _without_shining_ends(self, mirror: LineMirror, own: Echoes) -> LineMirror:
         """The mirror without bright objects at its ends, as explained at `DARK_CELLS`.
@@ -244,16 +252,10 @@ class _Lines(Search[LineMirror]):
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The mirror; or its longer part, where the row is two: a wall, and an object at its end almost in line."""
-        # Clipped at one, the weights of bright places are no larger than those of others.
-        points, weight = power_centroids(mirror, self.view, *LOBE[:2], clip=1.0)
-        along, beside = mirror.along(points), mirror.beside(points)
-        # The last cell at either end may also show the neighbouring wall, as in the corner of a room.
-        first, last = self.view.extent(mirror.ends, mirror.direction)
-        inside = (along >= first) & (along <= mirror.length - last)
-        if np.count_nonzero(inside) < FEWEST_PLACES:
+        place, left, share = _split(mirror, self.view)
+        if not share:
             return mirror
-        place, left = split_in_two(along[inside], beside[inside], weight[inside])
-        likelier = -inside.mean() * mirror.independent(self.view) * np.log(max(left, np.finfo(float).tiny))
+        likelier = -share * mirror.independent(self.view) * np.log(max(left, np.finfo(float).tiny))
         if likelier < BREAK or (self._in_sight(mirror) and likelier < BREAK * _spread(mirror, self.view) / LOBE_SPREAD):
             return mirror
         parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
@@ -261,6 +263,36 @@ class _Lines(Search[LineMirror]):
         return longer if longer.length >= self.shortest(longer) else mirror
 
 
+@remembered
+def _fit(mirror: LineMirror, view: ImageView) -> tuple[LineMirror, float]:
+    """The line through the centroids of power across the mirror, see `fit.refined`."""
+    return refined(mirror, view, *LOBE)
+
+
+@remembered
+def _front(mirror: LineMirror, view: ImageView) -> Front:
+    """Where the face of the wall is, see `fronts.find_front`."""
+    return find_front(mirror, view)
+
+
+@remembered
+def _split(mirror: LineMirror, view: ImageView) -> tuple[float, float, float]:
+    """Where the row would break into two [m], and what is left of its squared residuals, see `fit.split_in_two`.
+
+    Also the share of its places from which this follows, zero where there are too few.
+    """
+    # Clipped at one, the weights of bright places are no larger than those of others.
+    points, weight = power_centroids(mirror, view, *LOBE[:2], clip=1.0)
+    along, beside = mirror.along(points), mirror.beside(points)
+    # The last cell at either end may also show the neighbouring wall, as in the corner of a room.
+    first, last = view.extent(mirror.ends, mirror.direction)
+    inside = (along >= first) & (along <= mirror.length - last)
+    if np.count_nonzero(inside) < FEWEST_PLACES:
+        return 0.0, 1.0, 0.0
+    return *split_in_two(along[inside], beside[inside], weight[inside]), float(inside.mean())
+
+
+@remembered
 def _spread(mirror: LineMirror, view: ImageView) -> float:
     """Median variance of the power across a mirror about the centroid of each profile, in squared resolution cells."""
     places, across = mirror.places(view), np.linspace(-SPREAD_CELLS, SPREAD_CELLS, SPREAD_SAMPLES)
@@ -269,8 +301,9 @@ def _spread(mirror: LineMirror, view: ImageView) -> float:
     return float(np.median((power @ across**2) / total - ((power @ across) / total) ** 2))
 
 
-def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
-    """The mirror of a thick wall, turned about its middle to the angle at which the wall's speckle is likeliest.
+@remembered
+def _normal_by_speckle(mirror: LineMirror, view: ImageView) -> Array:
+    """Normal of the mirror of a thick wall, turned to the angle at which the wall's speckle is likeliest, (2,).
 
     The power of speckle is distributed exponentially (Goodman 2007), with a mean that depends on the depth z behind the
     face alone. With that mean, m(z), taken from the wall itself, the likelihood is largest where the mean of ``ln
@@ -302,4 +335,4 @@ def _parallel_to_speckle(mirror: LineMirror, view: ImageView) -> LineMirror:
         angle = min(angle + np.linspace(-step, step, turns), key=unlikelihood)
         step *= 2.0 / (turns - 1)
     tilted = mirror.direction + np.tan(angle) * mirror.inward(view)
-    return mirror.moved(unit(turned(tilted)), mirror.center)
+    return unit(turned(tilted))

@@ -1,6 +1,6 @@
 """What the radar sees: amplitude along straight lines of sight.
 
 `view` is the interface that all steps use; `image_view` implements it for an image, and `volume_view` for a raster
-volume. `resampling` computes the samples of an image view from the pixels of the image. `spectra` computes the spectrum
-of an echo from the complex image or volume.
+volume. `image_to_view` makes the view of an image, whose samples `resampling` computes from the pixels. `spectra`
+computes the spectrum of an echo from the complex image or volume.
 """

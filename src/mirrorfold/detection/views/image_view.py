@@ -9,30 +9,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
-from mirrorfold.common.arguments import in_message
-from mirrorfold.common.facts import radar_place
-from mirrorfold.common.geometry import turned, unit
-from mirrorfold.common.memory import check_room
-from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array, Complex, Index, Mask
-from mirrorfold.detection.echoes import Echoes, noise_level
-from mirrorfold.detection.views.resampling import interpolated, sampled
-from mirrorfold.detection.views.view import View, check_samples
-from mirrorfold.errors import InputError
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.views.view import View
 
 SAMPLES_PER_CELL = 3
 """Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
-
-SAMPLE_BYTES = 64
-"""Memory [bytes] of a polar sample during resampling: its position, its pixel coordinates, real and imaginary part."""
 
 COVERED_CELLS = 0.75
 """Half-width of the shadow of an object, in resolution cells: there the beam has fallen by 14 dB. With a whole cell, up
@@ -125,6 +116,11 @@ class ImageView(View):
             found[seen] = self._misplaced_in_cells.query(places[seen], p=np.inf)[0] <= 1.0
         return found
 
+    def misplaced_about(self, points: Array) -> Array:
+        """The misplaced echoes that blur places within the size of their own area of points (n, 2) [m], (m, 2)."""
+        apart = cdist(self._misplaced_in_cells.data, self.in_cells(points) / BLURRED_CELLS, "chebyshev")
+        return self.misplaced[np.any(apart <= 2.0, axis=1)]
+
     def near_corner(self, points: Array) -> Mask:
         """Which places (n, 2) [m] are within `CORNER_CELLS` of one of the `corners`, (n,)."""
         apart = self.in_cells(points)[:, None] - self.in_cells(self.corners)
@@ -144,6 +140,16 @@ class ImageView(View):
     def sight(self) -> Array:
         """Unit vectors of all lines of sight, (nu, 2)."""
         return self.to_points(np.ones(self.u.size), self.u) - self.radar
+
+    @cached_property
+    def fits(self) -> dict[tuple[str, bytes, bytes], Any]:
+        """What is known of straight rows in this image, see `mirrorfold.detection.search.remembered`."""
+        return {}
+
+    @cached_property
+    def amplitude_by_direction(self) -> Array:
+        """The `amplitude` with the samples of each direction side by side in memory, (nu, nr)."""
+        return np.ascontiguousarray(self.amplitude.T)
 
     @property
     def frame(self) -> Array:
@@ -293,104 +299,3 @@ class ImageView(View):
         """Width of the resolution cell across the line of sight [m]: ``range u_cell / sqrt(1 - u^2)``."""
         range_, u = self.to_polar(points)
         return range_ * self.u_cell / np.sqrt(np.maximum(1.0 - u**2, 1.0 - LARGEST_SINE**2))
-
-
-def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> ImageView:
-    """Resample an image to the radar's view and undo the decay of amplitudes with range.
-
-    The attrs of the image tell what is known of the radar: `radar_position`, `array_direction`, `frequency_start`,
-    `frequency_stop`, `frequency_points`, `tx_aperture`, `rx_aperture` [m], `ambiguous_range` [m], `monostatic` if one
-    antenna both sends and receives, and `normalization`, which was applied already. Where they are missing, the radar
-    is taken to stand at the origin with its array along x, and two pixels to make a resolution cell.
-    Complex images are demodulated before they are interpolated. The `normalization`, "r", "none" or "r2", is by default
-    "r": the amplitude of a line source falls as ``1/sqrt(r)``, there and back.
-
-    Raises
-    ------
-    InputError
-        If the image cannot be used; see `check_samples`.
-    """
-    view, axes, height = _unsampled(image, normalization)
-    amplitude = sampled(view, image, axes, height).astype(np.float64)
-    done = str(image.attrs.get("normalization", "none"))
-    if done not in RANGE_POWERS:
-        raise InputError(f"image: normalization is {in_message(done)}, expected one of {', '.join(RANGE_POWERS)}")
-    amplitude *= view.range[:, None] ** float(view.power - RANGE_POWERS[done])
-    blank = image.values == 0
-    if blank.any():  # masked pixels stay empty: splines overshoot beside the edges of a mask
-        amplitude[interpolated(view, blank, axes, order=0)] = 0.0
-    return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
-
-
-def samples_of(image: xr.DataArray) -> tuple[int, int]:
-    """Number of ranges and directions of `to_image_view`, from the coordinates and attributes of the image alone."""
-    view, *_ = _unsampled(image, None)
-    return view.range.size, view.u.size
-
-
-def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array], float]:
-    """The view of an image without its amplitudes; x and y of the image; and the height of the radar above it [m]."""
-    check_samples(image, ("y", "x"))
-    normalization = normalization or "r"
-    if normalization not in RANGE_POWERS:
-        raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(RANGE_POWERS)}")
-    attrs = image.attrs
-    x, y = image["x"].values.astype(float), image["y"].values.astype(float)
-    place = radar_place(attrs)
-    radar, height = place[:2], float(place[2] - image.coords.get("z", 0.0))
-    along = unit(np.asarray(attrs.get("array_direction", (1.0, 0.0)), dtype=float)[:2])
-    broadside = turned(along)
-    corners = np.array([[a, b] for a in (x[0], x[-1]) for b in (y[0], y[-1])]) - radar
-    broadside = -broadside if corners.mean(axis=0) @ broadside < 0.0 else broadside
-
-    pixel = max(x[1] - x[0], y[1] - y[0])
-    nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
-    farthest = float(np.linalg.norm(corners, axis=1).max())
-    points = int(attrs.get("frequency_points", 0))
-    aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
-    wavelength = ambiguous = np.inf
-    if points > 1 and aperture.max() > 0.0:
-        low, high = attrs["frequency_start"], attrs["frequency_stop"]
-        speed = float(attrs.get("wave_speed", speed_of_light))
-        wavelength = speed / (0.5 * (low + high))
-        # A Hann taper over the band makes the half-amplitude width twice the ideal c/(2B).
-        range_cell = speed / ((high - low) * points / (points - 1))
-        aperture /= wavelength
-        if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
-            aperture = np.array([aperture.sum(), 0.0])
-        # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
-        u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
-        # A scene beyond the ambiguous range is seen over one ambiguous range, from its nearest pixel on. Any other view
-        # ends a cell before the ambiguous range, where the main lobe of what stands at the radar itself begins anew.
-        ambiguous = float(attrs.get("ambiguous_range", np.inf))
-        farthest = min(farthest, ambiguous - range_cell if nearest < ambiguous else nearest + ambiguous)
-        # Of a radar at the height h, a cell on the ground at the distance d is ``sqrt(1 + (h / d)^2)`` times as wide.
-        slant = float(np.hypot(1.0, height / farthest))
-        range_cell, u_cell = max(slant * range_cell, 2.0 * pixel), slant * u_cell
-    else:
-        range_cell = 2.0 * pixel
-        u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
-        aperture = np.full(2, 1.207 / np.sqrt(2.0) / u_cell)
-    samples = (farthest - nearest) / range_cell * 2.0 / u_cell * SAMPLES_PER_CELL**2
-    check_room(
-        SAMPLE_BYTES * samples,
-        f"{samples:.3g} samples of a view with resolution cells of {range_cell:.3g} m by {u_cell:.3g} rad",
-        "see whether the image says the right wave_speed, frequencies and apertures",
-    )
-    range_ = np.arange(max(nearest, range_cell), farthest, range_cell / SAMPLES_PER_CELL)
-    half = int(LARGEST_SINE / u_cell * SAMPLES_PER_CELL)
-    ahead = corners @ broadside
-    sides = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
-    u_step = u_cell / SAMPLES_PER_CELL
-    u = u_step * np.arange(max(-half, np.floor(sides.min() / u_step)), min(half, np.ceil(sides.max() / u_step)) + 1)
-    if range_.size < 4:
-        raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
-    if u.size < 4:
-        raise InputError(
-            "image: spans less than one resolution cell in direction, or lies farther than 80 degrees aside of where "
-            "the array looks; focus a larger grid ahead of it, or correct the attr array_direction"
-        )
-    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
-                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-                     ambiguous if nearest < ambiguous else np.inf)  # fmt: skip
-    return view, (x, y), height

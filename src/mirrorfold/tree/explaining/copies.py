@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import label, maximum_filter
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB
@@ -117,16 +118,36 @@ def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin:
     They exceed by no more than `SIDE_LOBE_MARGIN_DB` the copies of relative amplitude `level` (delays,). Copies by a
     wall begin at its face, at ranges `begin` (directions,) [m], and are twice as strong behind it.
     """
-    copy_amplitude = np.zeros(len(echoes))
     # Delays at which even a copy of the strongest echo is weaker than all echoes can be skipped.
     margin = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
     enough = echoes.amplitude.min(initial=np.inf) / (2.0 * margin * view.amplitude.max(initial=np.finfo(float).tiny))
-    for delay in np.flatnonzero(level > enough):
-        before = row - delay
-        for side in (-SAMPLES_PER_CELL, 0, SAMPLES_PER_CELL):
-            column = np.clip(echoes.direction + side, 0, view.u.size - 1)
-            behind = view.range[0] + view.dr * before - begin[column]
-            times = np.where((behind > SAME_CELLS * view.range_cell) & begin.any(), 2.0, 1.0)
-            known = (before >= 0) & (behind >= -SAME_CELLS * view.range_cell)
-            copy_amplitude = np.maximum(copy_amplitude, known * times * level[delay] * view.amplitude[before, column])
+    delays = np.flatnonzero(level > enough)
+    copy_amplitude = np.zeros(len(echoes))
+    if delays.size:
+        near, start = SAME_CELLS * view.range_cell, (begin - view.range[0]) / view.dr
+        columns = echoes.direction, SAMPLES_PER_CELL, view.amplitude_by_direction
+        _strongest_copies(row, *columns, delays, level[delays], start, near / view.dr, begin.any(), copy_amplitude)
     return np.asarray(echoes.amplitude <= margin * copy_amplitude)
+
+
+@njit(nogil=True, error_model="numpy")
+def _strongest_copies(
+    row: Index, direction: Index, beside: int, amplitude: Array, delays: Index, level: Array, start: Array, near: float,
+    twice: bool, out: Array,
+) -> None:  # fmt: skip
+    """Amplitude of the strongest copy at each echo's `row` and `direction`, (n,) each, into `out` (n,).
+
+    It is a copy of a sample of `amplitude` (directions, rows), in the same direction or `beside` it, earlier by one of
+    the `delays` (m,), in samples, which rise; and it is by the `level` (m,) of this delay weaker. Copies are made from
+    the samples `start` (directions,) on, less `near` samples; if `twice`, those of later ones are twice as strong.
+    """
+    for n in range(row.size):
+        for side in (-beside, 0, beside):
+            column = min(max(direction[n] + side, 0), start.size - 1)
+            for m in range(delays.size):
+                before = row[n] - delays[m]
+                behind = before - start[column]
+                if before < 0 or behind < -near:
+                    break
+                times = 2.0 if twice and behind > near else 1.0
+                out[n] = max(out[n], times * level[m] * amplitude[column, before])

@@ -12,15 +12,13 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-import xarray as xr
 
 from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView, Mirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, POINT
-from mirrorfold.sweep.pairs import pairs_of
-from mirrorfold.tree.explaining.waves import Waves, numbers_of_pairs
+from mirrorfold.tree.explaining.waves import SweepWaves
 
 DIRECTIONS = np.linspace(-1.5, 1.5, 13)
 """Directions around a crossing of two rows in which a corner is looked for, in resolution cells of the array."""
@@ -39,16 +37,14 @@ def vertices(mirrors: Sequence[Mirror]) -> Array:
     return np.array(found).reshape(-1, 2)
 
 
-def corner_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+def corner_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
     """How much better echoes at ranges [m] and u, (n,) each, fit waves from a corner than from a point or face, (n,).
 
     At most one where there is a single transmitter or receiver: faces and corners then return the same wave.
     """
-    pairs = pairs_of(sweep)
-    chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[: numbers_of_pairs(*pairs.s.shape)[-1]]
-    waves, ratio = Waves(pairs, chosen, view), np.zeros(range_.size)
+    most, ratio = waves.by(waves.counts[-1], view), np.zeros(range_.size)
     for i, (r, sine) in enumerate(zip(range_.tolist(), u.tolist(), strict=True)):
-        directions = np.clip(sine + DIRECTIONS * waves.cell, -LARGEST_SINE, LARGEST_SINE)
-        fit = waves.fit(waves.around(r), r, directions)
+        directions = np.clip(sine + DIRECTIONS * most.cell, -LARGEST_SINE, LARGEST_SINE)
+        fit = most.fit(most.around(r), r, directions)
         ratio[i] = fit[CORNER] / max(fit[POINT], fit[FACE], np.finfo(float).tiny)
     return ratio

@@ -9,14 +9,13 @@ echo.
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 from scipy.ndimage import label, maximum, maximum_filter1d
 
 from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.detection.views.view import in_pieces
-from mirrorfold.tree.explaining.directions import beside_main_lobe
+from mirrorfold.tree.explaining.waves import SweepWaves
 
 LOBE = "is a grating lobe of a brighter one"
 
@@ -27,13 +26,13 @@ HIGHEST = 0.5
 """Lobes at least this high, relative to their echo, are not used: an echo would pass for the lobe of its own ghost."""
 
 
-def lobe_level(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+def lobe_level(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
     """Amplitude of the strongest lobe of other echoes at ranges [m] and u, (n,) each; zero where there is none.
 
-    The `sweep` is one of several transmitters and receivers; the `view` holds the echoes that have lobes.
+    The sweep of the `waves` is one of several transmitters and receivers; the `view` holds the echoes that have lobes.
     """
     cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
-    level = beside_main_lobe(sweep, view.u - view.u[0])
+    level = waves.lobes(view).copy()
     each, count = label(level > 0.0)
     height = np.asarray(maximum(level, each, np.arange(count + 1)))
     level[height[each] >= HIGHEST] = 0.0

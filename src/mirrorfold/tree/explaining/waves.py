@@ -6,6 +6,8 @@ see `mirrorfold.focusing.echoes.coherence`.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -13,7 +15,8 @@ from numpy.typing import NDArray
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import ImageView
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
-from mirrorfold.sweep.pairs import Pairs
+from mirrorfold.sweep.pairs import Pairs, pairs_of
+from mirrorfold.tree.explaining.directions import beside_main_lobe
 
 PAIRS = 1000, 8000
 """Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
@@ -75,10 +78,49 @@ class Waves:
         return found[:, 0]
 
 
+class SweepWaves:
+    """The waves of a sweep by as many of its pairs as are asked for, and the lobes of its antennas; each made once.
+
+    Parameters
+    ----------
+    sweep : xarray.Dataset
+        A sweep of pairs, s(frequency, tx, rx).
+    """
+
+    def __init__(self, sweep: xr.Dataset) -> None:
+        self._sweep, self._made, self._lobes = sweep, dict[int, Waves](), np.empty(0)
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """All pairs of the sweep."""
+        return pairs_of(self._sweep)
+
+    @property
+    def counts(self) -> list[int]:
+        """Number of pairs that are used first, and of those that are used where the first are too few."""
+        return numbers_of_pairs(*self.pairs.s.shape)
+
+    def by(self, count: int, view: ImageView) -> Waves:
+        """The waves by so many pairs, for a view of the image of this sweep."""
+        if count not in self._made:
+            chosen = np.random.default_rng(0).permutation(self.pairs.tx_of.size)[:count]
+            self._made[count] = Waves(self.pairs, chosen, view)
+        return self._made[count]
+
+    def lobes(self, view: ImageView) -> Array:
+        """Amplitude of the lobes of an echo at other directions of the view, as far as `u` reaches from its first, (nu,).
+
+        See `beside_main_lobe`.
+        """
+        if not self._lobes.size:
+            self._lobes = beside_main_lobe(self._sweep, view.u - view.u[0])
+        return self._lobes
+
+
 def profile_bytes(sweep: xr.Dataset) -> float:
-    """Memory [bytes] of the range profiles of pairs, and of the samples that they are computed from."""
+    """Memory [bytes] of the range profiles of pairs that are kept."""
     frequencies, *antennas = sweep["s"].shape[-3:]
-    return 8.0 * (OVERSAMPLING + 1) * frequencies * max(numbers_of_pairs(frequencies, int(np.prod(antennas))))
+    return 8.0 * OVERSAMPLING * frequencies * sum(set(numbers_of_pairs(frequencies, int(np.prod(antennas)))))
 
 
 def numbers_of_pairs(frequencies: int, pairs: int) -> list[int]:

@@ -9,14 +9,12 @@ So each echo is compared with waves from r and with waves from r + P.
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.views.image_view import LARGEST_SINE
-from mirrorfold.sweep.pairs import Pairs, pairs_of
-from mirrorfold.tree.explaining.waves import Waves, numbers_of_pairs
+from mirrorfold.tree.explaining.waves import SweepWaves, Waves
 
 IN_PHASE = 15.0
 """Least coherence, over that of random phases, of an echo whose distance can be judged: the largest of some hundred
@@ -26,7 +24,7 @@ DIRECTION_STEP = 0.5
 """Step between the directions that are tried, in resolution cells of the array."""
 
 
-def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+def wrapping_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
     """How much better echoes at ranges [m] and u, (n,) each, fit waves from one ambiguous range farther away, (n,).
 
     This is the ratio of two coherences, for r + P over r, see `focusing.echoes.coherence`. Each is the largest over
@@ -35,24 +33,24 @@ def wrapping_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
 
     Parameters
     ----------
-    sweep : xarray.Dataset
-        A sweep of pairs, s(frequency, tx, rx).
+    waves : SweepWaves
     view : ImageView
     range_, u : (n,) arrays
     """
-    pairs = pairs_of(sweep)
-    some = np.random.default_rng(0).permutation(pairs.tx_of.size)
     ratio, rest = np.full(range_.size, np.nan), np.arange(range_.size)
-    for count in np.unique(numbers_of_pairs(*pairs.s.shape)):
+    for count in np.unique(waves.counts):
         if rest.size:
-            ratio[rest] = _ratio(pairs, some[:count], view, range_[rest], u[rest])
+            ratio[rest] = _ratio(waves.by(count, view), IN_PHASE / count, range_[rest], u[rest])
             rest = rest[np.isnan(ratio[rest])]
     return np.where(np.isnan(ratio), 1.0, ratio)
 
 
-def _ratio(pairs: Pairs, chosen: Index, view: ImageView, range_: Array, u: Array) -> Array:
-    """`wrapping_ratio` from some `chosen` pairs, (n,); NaN where they cannot separate an echo from others."""
-    waves, in_phase, ratio = Waves(pairs, chosen, view), IN_PHASE / chosen.size, np.ones(range_.size)
+def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
+    """`wrapping_ratio` by the waves of some pairs, (n,); NaN where these cannot separate an echo from others.
+
+    A coherence of `in_phase` or less may be one of random phases.
+    """
+    ratio = np.ones(range_.size)
 
     def look(n: int) -> None:
         r = float(range_[n])

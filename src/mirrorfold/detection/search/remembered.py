@@ -1,0 +1,41 @@
+"""What the image tells of a straight row, computed once.
+
+The search for mirrors is repeated whenever echoes were explained and left out, and mostly finds the same rows again.
+How a row is fitted to the image depends on its ends, and on places that misplaced echoes blur. It does not depend on
+the echoes that are left. So the view keeps the results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
+
+import numpy as np
+
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.views.image_view import ImageView
+
+STEPS = np.linspace(0.0, 1.0, 65)[:, None]
+"""Where a row is looked at for misplaced echoes about it, as shares of its length: closer than a cell for most rows."""
+
+T = TypeVar("T")
+
+
+def remembered(ask: Callable[[LineMirror, ImageView], T]) -> Callable[[LineMirror, ImageView], T]:
+    """The same function of a mirror's ends and a view, which the view is asked for first; it must not change either.
+
+    Of the mirror the function is given the ends alone, so that its answer depends on nothing else.
+    """
+
+    @wraps(ask)
+    def known(mirror: LineMirror, view: ImageView) -> T:
+        # A fit moves a row by less than the size of the area that a misplaced echo blurs.
+        blurs = view.misplaced_about(mirror.start + STEPS * (mirror.end - mirror.start))
+        key = f"{ask.__module__}.{ask.__qualname__}", mirror.ends.tobytes(), blurs.tobytes()
+        if key not in view.fits:
+            view.fits[key] = ask(LineMirror(mirror.start, mirror.end), view)
+        answer: T = view.fits[key]
+        return answer
+
+    return known
