@@ -51,7 +51,9 @@ class Found(NamedTuple):
 
 
 Pass = Callable[..., Found]
-"""Does steps 2 to 4 with some ``echoes=``, and mirrors ``besides=`` those found: `mirrorfold.tree.rounds.find_tree`."""
+"""Does steps 2 to 4 with some ``echoes=``, mirrors ``besides=`` those found, and what an ``earlier=`` result told of
+echoes: `mirrorfold.tree.rounds.find_tree`.
+"""
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:

@@ -177,7 +177,7 @@ def with_rows(
             places = known_places(first, view, every)
             mirrors = [*_flat_besides(found, every, view), *every]
             quick_pass = partial(steps.quick_pass, mirrors=mirrors)
-            for step, whole in ((quick_pass, False), (partial(steps.full_pass, besides=every), True)):
+            for step, whole in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
                 if len(kept) < len(trial):
                     break
                 tried = step(echoes=echoes)

@@ -13,6 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names
@@ -27,6 +28,7 @@ from mirrorfold.tree.explaining.corners import vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 from mirrorfold.tree.explaining.late_walls import from_late_walls
+from mirrorfold.tree.explaining.lobes import LOBE
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
@@ -50,6 +52,7 @@ def find_tree(
     walls: Mask | None = None,
     measured: Measured | None = None,
     besides: Sequence[Mirror] = (),
+    earlier: Found | None = None,
     find: Finder = find_mirrors,
 ) -> Found:
     """Steps 2 to 4: the mirrors, their order, and the echoes that are seen through each.
@@ -69,12 +72,17 @@ def find_tree(
         tested in their turn.
     besides : sequence of Mirror
         Mirrors to be used besides those that are found, see `mirrorfold.tree.evidence`.
+    earlier : Found, optional
+        A result for the same image with other mirrors. What the sweep told of its echoes, `BY_SWEEP`, is still true.
     find : callable
         Step 2: `find_mirrors`, or another function with its arguments.
     """
     measured = measured or Measured()
     agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
     reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
+    if earlier is not None:
+        reasons.recall(earlier)
+        view = _told(view, reasons)
     # Where an empty list of mirrors is given, the image stays as it is.
     repeated = settings.copies and (known is None or len(known) > 0)
     while True:
@@ -108,9 +116,8 @@ def find_tree(
             break
         walls = None if walls is None else walls[reasons.stays]
         reasons.leave_out()
-        if searched and isinstance(view, ImageView):
-            misplaced = reasons.misplaced(NEAREST_LENGTHS * view.glint)
-            view = view.told(misplaced=misplaced, corners=np.concatenate([view.corners, corners]))
+        if searched:
+            view = _told(view, reasons, corners)
     # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
     if rescattered.any():
         reasons.note(rescattered, SCATTERED)
@@ -120,6 +127,17 @@ def find_tree(
         reasons.note(radar_itself(tree, sight, seen), ITSELF)
     return Found(seen, tree, sight, *reasons.explained())
 
+
+def _told(view: View, reasons: _Reasons, corners: Sequence[Array] | Array = ()) -> View:
+    """The view of an image that knows its misplaced echoes, and further `corners` (c, 2) [m]; any other as it is."""
+    if not isinstance(view, ImageView):
+        return view
+    misplaced = reasons.misplaced(NEAREST_LENGTHS * view.glint)
+    return view.told(misplaced=misplaced, corners=np.concatenate([view.corners, np.reshape(corners, (-1, 2))]))
+
+
+BY_SWEEP = (LOBE, LATE, MIXED)
+"""Reasons against echoes that depend on where their waves come from, not on the mirrors that are found."""
 
 OWN_SHARE = 0.5
 """Least share of an echo's energy that came back the way it went: with less, most of it is from mixed paths."""
@@ -155,6 +173,14 @@ class _Reasons:
         if new.any():
             self.note(new, explain(self.echoes.take(new)))
         self._tested |= new
+
+    def recall(self, earlier: Found) -> None:
+        """Leave out echoes of which the sweep told an earlier result that they come from elsewhere."""
+        told = np.isin(earlier.explanation, BY_SWEEP)
+        if told.any():
+            away, nearest = cKDTree(earlier.explained.position[told]).query(self.echoes.position)
+            self.note(away == 0.0, earlier.explanation[told][nearest[away == 0.0]])
+            self.leave_out()
 
     def leave_out(self) -> None:
         """Take out of `echoes` those with a reason against them."""

@@ -208,7 +208,8 @@ def test_the_strongest_mirror_comes_first_whatever_the_unit(room):
     assert mirrors[0].strength > 1.4 * mirrors[1].strength
     unit = 2.0**-20
     scaled = find_mirrors(
-        replace(view, amplitude=unit * view.amplitude), replace(echoes, amplitude=unit * echoes.amplitude)
+        replace(view, amplitude=unit * view.amplitude),
+        replace(echoes, amplitude=unit * echoes.amplitude, reference=unit * echoes.reference),
     )
     for mirror, other in zip(mirrors, scaled, strict=True):
         assert_allclose([other.start, other.end], [mirror.start, mirror.end], atol=1e-6)

@@ -108,10 +108,7 @@ class SweepWaves:
         return self._made[count]
 
     def lobes(self, view: ImageView) -> Array:
-        """Amplitude of the lobes of an echo at other directions of the view, as far as `u` reaches from its first, (nu,).
-
-        See `beside_main_lobe`.
-        """
+        """Amplitude of an echo's lobes at distances in u from zero to the width of the view, see `beside_main_lobe`."""
         if not self._lobes.size:
             self._lobes = beside_main_lobe(self._sweep, view.u - view.u[0])
         return self._lobes
