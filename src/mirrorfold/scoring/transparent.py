@@ -141,7 +141,8 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     if walls is None:
         return None
     tree = cKDTree(walls.objects)
-    shown, there = cKDTree(walls.images).query(initial)[0], tree.query(initial)[0]
+    # Distances beyond `NEAR` are infinite: to look for them would take long, and they say nothing.
+    shown, there = (known.query(initial, distance_upper_bound=NEAR)[0] for known in (cKDTree(walls.images), tree))
     known = walls.met & (np.minimum(shown, there) < NEAR)
     if not known.any():
         return None

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from mirrorfold.common.slabs import both_polarizations
 from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.tree.half_transparent.misfits import misfits, padded
 
 Spectra = NDArray[np.complex128]
 
@@ -60,8 +60,8 @@ MOST_ODDS = -np.log(OTHER_SHARE)
 SHARES = 0.05, 0.2, 0.4, 0.6, 0.8, 0.95
 """Shares of passed echoes, among those behind a wall, that are tried."""
 
-BATCH = 50
-"""Number of walls that are tried at once: so few that their spectra stay in a cache of a megabyte."""
+BATCH = 500
+"""Number of walls that are tried at once: so few that the misfits of all echoes stay in a cache of a megabyte."""
 
 
 class Products(NamedTuple):
@@ -129,10 +129,13 @@ class Pairs:
 
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """Misfits of reflection and of transmission, (w, n) each, at walls of permittivity and thickness [m], (w,)."""
-        walls = permittivity[:, None, None], thickness[:, None, None]
-        te, tm = both_polarizations(*walls, self.wavenumber, self.angle[:, None])
-        reflected, passed = (parallel_misfit(self.products, a**2, b**2) for a, b in zip(te, tm, strict=True))
-        return reflected, passed
+        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self._padded) / self.products.total
+        return left[0], left[1]
+
+    @cached_property
+    def _padded(self) -> Array:
+        """The `products` as `misfits` takes them."""
+        return padded(*self.products[:3])
 
     @cached_property
     def products(self) -> Products:
@@ -197,9 +200,10 @@ def best_mixture(
 
     `reflected`, `passed` and `other` are the logarithms for each echo and kind, (w, n); `total` sums them over echoes.
     """
+    largest = np.maximum(np.maximum(reflected, passed), other)
+    reflects, passes, neither = (np.exp(kind - largest) for kind in (reflected, passed, other))
     each = np.stack([
-        total(np.logaddexp(np.logaddexp(reflected + np.log1p(-share), passed + np.log(share)), other))
-        for share in SHARES
+        total(largest + np.log((1.0 - share) * reflects + share * passes + neither)) for share in SHARES
     ])  # fmt: skip
     return each.max(axis=0), np.array(SHARES)[each.argmax(axis=0)]
 
