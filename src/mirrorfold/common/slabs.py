@@ -22,7 +22,7 @@ B 19, 41, 2010).
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,57 +86,14 @@ def slab(
     -------
     R, T : (...) complex arrays, broadcast from all.
     """
-    factors = _within(permittivity, thickness, wavenumber, angle, rms_height)
-    return _coefficients(fresnel(permittivity, angle, polarization), factors)
-
-
-def both_polarizations(
-    permittivity: ArrayLike,
-    thickness: ArrayLike,
-    wavenumber: ArrayLike,
-    angle: ArrayLike,
-    *,
-    rms_height: ArrayLike = 0.0,
-) -> tuple[tuple[Coefficient, Coefficient], tuple[Coefficient, Coefficient]]:
-    """R and T of a `slab` for TE and for TM: factors that do not depend on the polarization are computed once."""
-    factors = _within(permittivity, thickness, wavenumber, angle, rms_height)
-    te, tm = (_coefficients(fresnel(permittivity, angle, name), factors) for name in POLARIZATIONS)
-    return te, tm
-
-
-class _Factors(NamedTuple):
-    """Factors of waves at a slab that do not depend on the polarization.
-
-    `way` is the propagation once through the slab, and `straight` undoes that along the same way without the slab.
-    `front`, `inside` and `entry` are the losses of coherence at rough faces: of a reflection outside, of a reflection
-    inside, and of a passage.
-    """
-
-    way: Coefficient
-    straight: Coefficient
-    front: Array
-    inside: Array
-    entry: Array
-
-
-def _within(
-    permittivity: ArrayLike, thickness: ArrayLike, wavenumber: ArrayLike, angle: ArrayLike, rms_height: ArrayLike
-) -> _Factors:
-    """The factors of a slab from its permittivity, thickness and roughness."""
-    q, cosine = inside(permittivity, angle), np.cos(angle)
-    turn = np.asarray(wavenumber) * thickness
+    r, q, cosine = fresnel(permittivity, angle, polarization), inside(permittivity, angle), np.cos(angle)
+    k, turn = np.asarray(wavenumber), np.asarray(wavenumber) * thickness
     way, straight = _wave(-turn * q), _wave(turn * cosine)
     if not np.any(rms_height):
-        smooth = np.ones(())
-        return _Factors(way, straight, smooth, smooth, smooth)
-    height = (np.asarray(wavenumber) * rms_height) ** 2
-    return _Factors(
-        way=way,
-        straight=straight,
-        front=np.exp(-2.0 * height * cosine**2),
-        inside=np.exp(-2.0 * height * q.real**2),
-        entry=np.exp(-height * (q.real - cosine) ** 2),
-    )
+        return _coefficients(r, way, straight)
+    height = (k * rms_height) ** 2
+    front, within = np.exp(-2.0 * height * cosine**2), np.exp(-2.0 * height * q.real**2)
+    return _coefficients(r, way, straight, front, within, np.exp(-height * (q.real - cosine) ** 2))
 
 
 def _wave(phase: ArrayLike) -> Coefficient:
@@ -147,11 +104,23 @@ def _wave(phase: ArrayLike) -> Coefficient:
     return found * np.exp(-phase.imag) if np.iscomplexobj(phase) else found
 
 
-def _coefficients(r: Coefficient, factors: _Factors) -> tuple[Coefficient, Coefficient]:
-    """R and T of a slab from the reflection coefficient r of its front face, and its factors."""
-    once = r * factors.inside * factors.way
-    passed = (1.0 - r**2) * factors.entry * factors.way * (1.0 / (1.0 - once**2))
-    return np.asarray(r * factors.front - passed * once), np.asarray(passed * factors.straight)
+def _coefficients(
+    r: Coefficient,
+    way: Coefficient,
+    straight: Coefficient,
+    front: Array | float = 1.0,
+    within: Array | float = 1.0,
+    entry: Array | float = 1.0,
+) -> tuple[Coefficient, Coefficient]:
+    """R and T of a slab from the reflection coefficient r of its front face.
+
+    `way` is the propagation once through the slab, and `straight` undoes that along the same way without the slab.
+    `front`, `within` and `entry` are the losses of coherence at rough faces: of a reflection outside, of a reflection
+    inside, and of a passage.
+    """
+    once = r * within * way
+    passed = (1.0 - r**2) * entry * way * (1.0 / (1.0 - once**2))
+    return np.asarray(r * front - passed * once), np.asarray(passed * straight)
 
 
 def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:

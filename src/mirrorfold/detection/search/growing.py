@@ -16,6 +16,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror, proving_echoes
@@ -136,8 +137,7 @@ class Search(ABC, Generic[M]):
         cell = np.median(self.view.cell(self.echoes.range[judge]))
         near = cdist(points[seeds], points, "sqeuclidean") < (REACH_CELLS * cell) ** 2
         partners = [np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(self.view.dimensions - 1)]
-        group = points[np.column_stack([seeds, *partners])]
-        normal = np.linalg.svd(group - points[seeds][:, None])[2][:, -1]
+        normal = _square_to([points[partner] - points[seeds] for partner in partners])
         distance = normal @ points.T - np.sum(points[seeds] * normal, axis=1)[:, None]
         votes = (4.0 * distance**2 < self.square(normal.T, judge).T) @ weight
         best = int(np.argmax(votes))
@@ -179,6 +179,13 @@ class Search(ABC, Generic[M]):
         own &= np.abs(mirror.beside(points)) <= across + mirror.depth
         mirror = replace(mirror, fill=mirror.filled(self.view, self.echoes.take(own)))
         return mirror, np.union1d(member, np.flatnonzero(own))
+
+
+def _square_to(spans: list[Array]) -> Array:
+    """Unit vectors (n, d) square to one span in a plane, or to two in space, (n, d) each; any where these vanish."""
+    normal = turned(spans[0]) if len(spans) == 1 else np.cross(spans[0], spans[1])
+    normal[~normal.any(axis=1), -1] = 1.0
+    return unit(normal)
 
 
 def _rounded(amplitude: float, reference: float) -> float:

@@ -4,4 +4,5 @@
 * `guessed` sorts them by geometry, if only one was measured.
 * `panes` finds the permittivity and thickness of a wall from the ratio of both polarizations.
 * `wall_glints` finds them more precisely from glints, whose whole spectrum is shaped by the wall.
+* `misfits` and `glint_likelihoods` are the kernels of these two, which try many walls.
 """

@@ -213,17 +213,6 @@ def power_of(values: Spectra) -> Array:
     return np.asarray(values.real**2 + values.imag**2)
 
 
-def parallel_misfit(echo: Products, te: Spectra, tm: Spectra) -> Array:
-    """Share of the power of echoes (n, m) that is not parallel to the pairs (te, tm) of walls, (w, n, m): (w, n)."""
-    wall_te, wall_tm = power_of(te), power_of(tm)
-    scale = 1.0 / np.maximum(wall_te + wall_tm, np.finfo(float).tiny)
-    over_frequency = "...nm,nm->...n"
-    left = np.einsum(over_frequency, wall_tm * scale, echo.te)
-    left += np.einsum(over_frequency, wall_te * scale, echo.tm)
-    left -= 2.0 * np.abs(np.einsum(over_frequency, np.conj(tm) * te * scale, echo.mixed))
-    return np.asarray(left / echo.total)
-
-
 @dataclass(frozen=True)
 class Pane:
     """A half-transparent wall: its material and thickness, and the evidence that it lets waves pass.

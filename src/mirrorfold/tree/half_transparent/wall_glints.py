@@ -17,15 +17,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.special import gammaln
 
-from mirrorfold.common.slabs import both_polarizations
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Array
+from mirrorfold.tree.half_transparent.glint_likelihoods import Measured, Tables, likelihoods, tables
 from mirrorfold.tree.half_transparent.panes import (
     MOST_ODDS,
     OTHER_SHARE,
@@ -37,13 +36,8 @@ from mirrorfold.tree.half_transparent.panes import (
     Spectra,
     best_mixture,
     covariance,
-    parallel_misfit,
     power_of,
 )
-
-SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
-"""Scales of error that are averaged over: power of the error over that of the echo. They range from 1 % of the
-amplitude, which is what the model of plane waves leaves out (`mirrorfold.simulation.rays.slabs`), to no agreement."""
 
 STEEPEST = -2.0
 """Steepest power of frequency with which the amplitude of glints falls: by the spreading of line sources, and by
@@ -51,17 +45,6 @@ roughness."""
 
 POWERS = 0.0, 0.5 * STEEPEST, STEEPEST
 """Powers of frequency that are tried."""
-
-UNLIKE = np.log(10.0) / 20.0 * np.array([0.3, 1.0, 3.0])
-"""Standard deviations that are tried, of the level [neper] and phase [rad] of a glint in TE against TM, up to a sign:
-small for conductors, larger beside a rough surface."""
-
-LEVELS = np.log(10.0) / 20.0 * 40.0
-"""Span of the levels of TM against TE [neper] if nothing is known of them: 40 dB."""
-
-DELAYS = np.arange(-1.5, 1.51, 0.1)
-"""Delays of a glint against the place of its echo that are tried, in range cells: the highest point of a ridge is
-seldom sampled."""
 
 MOST = 40
 """Number of the brightest echoes from which the wall is measured."""
@@ -87,9 +70,6 @@ TURNS = -2, -1, 1, 2
 LEAST_BEND = 0.01
 """Least second derivative of the log-likelihood in the units of `_WallFit`: it limits standard errors to ten units,
 which cover all possible walls."""
-
-BATCH = 25
-"""Number of walls that are tried at once: so few that their spectra stay in a cache of a megabyte."""
 
 
 class Walls(NamedTuple):
@@ -138,75 +118,31 @@ class Glints:
         near = (apart[..., 0] <= OVERLAP[0]) & (apart[..., 1:] <= OVERLAP[1]).all(axis=-1)
         return np.asarray(1.0 / near.sum(axis=1))
 
-    def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> Array:
+    def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS, kinds: int = 2) -> Array:
         """Logarithms of the likelihoods of echoes that walls reflected, and of echoes that passed through, over that of
-        arbitrary spectra, (2, w, n).
+        arbitrary spectra, (kinds, w, n); with one of the two `kinds`, of reflected ones alone.
         """
-        return self._of_waves(self._waves(walls), powers)
-
-    def _waves(self, walls: Walls) -> Spectra:
-        """Factors of spectra: TE and TM, of what walls reflected and what passed through them, (2, 2, w, n, m)."""
-        eps, thickness, height = (each[:, None, None] for each in walls)
-        wave = self.pairs.wavenumber, self.pairs.angle[:, None]
-        te, tm = both_polarizations(eps, thickness, *wave, rms_height=height)
-        return np.square([te, tm])
-
-    def _of_waves(self, waves: Spectra, powers: tuple[float, ...]) -> Array:
-        """The same for echoes whose spectra in TE and TM are multiplied by waves (2, kinds, w, n, m): (kinds, w, n)."""
-        independent, noise = self.pairs.independent, self.pairs.noise
-        misfit, unlike = self._glint(waves, powers)
-        # Free numbers in two spectra: of a glint two amplitudes and a delay, of a rough object a spectrum and a phase.
-        glint = _averaged(misfit, noise, 2.0 * independent - 2.5, 2.5)
-        spread = UNLIKE[:, None, None, None]
-        glint += np.logaddexp.reduce(np.log(0.5 * LEVELS / spread**2) - 0.5 * unlike / spread**2) - np.log(UNLIKE.size)
-        ratio = parallel_misfit(self.pairs.products, *waves)
-        rough = _averaged(ratio, noise, independent - 0.5, independent + 0.5)
-        return np.asarray(np.logaddexp(glint, rough) - np.log(2.0))
-
-    def _glint(self, waves: Spectra, powers: tuple[float, ...]) -> tuple[Array, Array]:
-        """Share of the power that a glint at the best delay does not explain; and the square of the logarithm of the
-        ratio of its amplitudes in TE and TM, up to a sign, (kinds, w, n) each.
-        """
-        if powers not in self._all_trials:
-            self._all_trials[powers] = self._trials(powers)
-        law, turn = self._all_trials[powers]
-        power = power_of(waves) @ law
-        # The spectra, times the taper once more, against the waves of glints.
-        sent = (self._tapered * np.conj(waves)) @ turn
-        sent = sent.reshape(*power.shape, DELAYS.size)
-        explained = np.sum(power_of(sent) / power[..., None], axis=0)
-        best = explained.reshape(*explained.shape[:-2], -1).argmax(axis=-1)
-        level_te, level_tm = _entries(sent.reshape(2, *best.shape, -1), best) / _entries(power, best // DELAYS.size)
-        difference = np.log(level_te / level_tm)
-        phase = difference.imag - np.pi * np.round(difference.imag / np.pi)
-        misfit = 1.0 - _peak(explained) / self._power
-        return np.clip(misfit, 0.0, 1.0), difference.real**2 + phase**2
+        if powers not in self._tables:
+            pairs, whole = self.pairs, np.stack([self.te, self.tm])
+            measured = Measured(
+                whole=whole * self.taper,
+                power=power_of(whole).sum(axis=(0, 2)),
+                ratio=np.stack(pairs.products[:3]),
+                total=pairs.products.total,
+                noise=pairs.noise,
+                angle=pairs.angle,
+                wavenumber=pairs.wavenumber,
+                taper=self.taper,
+                independent=pairs.independent,
+                cell=pairs.cell,
+            )
+            self._tables[powers] = tables(measured, powers)
+        return likelihoods(*walls, self._tables[powers], kinds)
 
     @cached_property
-    def _tapered(self) -> Spectra:
-        """The spectra times the taper once more, (2, 1, 1, n, m)."""
-        return np.asarray(np.stack([self.te, self.tm])[:, None, None] * self.taper)
-
-    @cached_property
-    def _power(self) -> Array:
-        """Power of whole echoes over all frequencies, in both polarizations, (n,)."""
-        return np.asarray(np.sum(power_of(self.te) + power_of(self.tm), axis=-1))
-
-    @cached_property
-    def _all_trials(self) -> dict[tuple[float, ...], tuple[Array, Spectra]]:
-        """The `_trials` that were made, by their powers."""
+    def _tables(self) -> dict[tuple[float, ...], Tables]:
+        """The `tables` that were made, by powers of frequency."""
         return {}
-
-    def _trials(self, powers: tuple[float, ...]) -> tuple[Array, Spectra]:
-        """Powers of frequency, squared and tapered, (m, powers); and waves with these amplitudes at all delays,
-        (m, powers * delays).
-        """
-        k = self.pairs.wavenumber
-        middle = k.mean()
-        law = ((k / middle) ** np.array(powers)[:, None]).T
-        waves = np.exp(2j * np.outer(k - middle, DELAYS * self.pairs.cell))
-        turn = (law[:, :, None] * waves[:, None, :]).reshape(k.size, -1)
-        return (self.taper[:, None] * law) ** 2, turn
 
     def mixed(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, summed over echoes, (w,); and
@@ -217,40 +153,13 @@ class Glints:
 
     def alone(self, walls: Walls) -> Array:
         """The same logarithm if no echo passed: all were reflected, or are others, (w,)."""
-        (reflected,) = self._of_waves(self._waves(walls)[:, :1], POWERS)
+        (reflected,) = self.likelihoods(walls, kinds=1)
         return np.asarray(np.logaddexp(reflected, np.log(OTHER_SHARE)) @ self.weight)
 
     def log_odds(self, pane: Pane) -> Array:
         """Logarithm of the odds that each echo passed through the wall, against reflection, (n,)."""
         reflected, passed = self.likelihoods(Walls.of(pane))[:, 0]
         return np.clip(passed + np.log(pane.share) - reflected - np.log1p(-pane.share), -MOST_ODDS, MOST_ODDS)
-
-
-def _entries(values: NDArray[Any], index: Index) -> NDArray[Any]:
-    """The entries of values (2, ..., size) at an index (...) of the last axis: (2, ...)."""
-    flat = values.reshape(2, index.size, -1)[:, np.arange(index.size), index.ravel()]
-    return flat.reshape(2, *index.shape)
-
-
-def _averaged(misfit: Array, noise: Array, left: float, explained: float) -> Array:
-    """Logarithm of the likelihood of a misfit (kinds, w, n), averaged over the `SCALES` of its error, over that of a
-    random direction in as many dimensions. The model explains `explained` complex dimensions, and `left` are left.
-    """
-    variance = SCALES[:, None, None, None] + noise
-    each = left * (np.log(left / variance) - misfit / variance)
-    usual = np.log(SCALES.size) - gammaln(explained) + gammaln(left + explained)
-    return np.asarray(np.logaddexp.reduce(each) - usual)
-
-
-def _peak(values: Array) -> Array:
-    """The maximum of values (..., powers, delays), interpolated by parabolas between neighbouring delays, (...)."""
-    rows = values.reshape(-1, values.shape[-1])
-    row, at = np.arange(len(rows)), np.clip(rows.argmax(axis=1), 1, rows.shape[1] - 2)
-    before, here, after = rows[row, at - 1], rows[row, at], rows[row, at + 1]
-    bend = before - 2.0 * here + after
-    beside = np.clip(0.5 * (before - after) / np.where(bend < 0.0, bend, -np.inf), -0.5, 0.5)
-    top = np.maximum(rows.max(axis=1), here - 0.25 * (before - after) * beside)
-    return np.asarray(top.reshape(values.shape[:-1]).max(axis=-1))
 
 
 class _WallFit:
@@ -364,12 +273,8 @@ def _starts(fit: _WallFit) -> list[Array]:
         (real, loss, width / np.sqrt(real), roughness)
         for real in np.geomspace(*PERMITTIVITY, TRIED) for loss, roughness in FACES for width in optical
     ])  # fmt: skip
-    score = []
-    for first in range(0, len(trials), BATCH):
-        real, loss, thickness, roughness = trials[first : first + BATCH].T
-        walls = Walls(real * (1.0 - 1j * loss), thickness, roughness / k)
-        score.append(glints.mixed(walls, POWERS[1:2])[0])
-    height = np.concatenate(score)
+    real, loss, thickness, roughness = trials.T.copy()
+    height = glints.mixed(Walls(real * (1.0 - 1j * loss), thickness, roughness / k), POWERS[1:2])[0]
     turns = np.round(2.0 * k * trials[:, 2] * np.sqrt(trials[:, 0] - fit.sine) / (2.0 * np.pi))
     found: list[int] = []
     for turn in np.unique(turns):

@@ -1,0 +1,272 @@
+"""How likely the spectra of echoes behind a wall are, if they are glints or echoes of rough objects: for many walls.
+
+`mirrorfold.tree.half_transparent.wall_glints` explains the model. A wall is met twice, there and back, so that it
+multiplies spectra by R^2 or T^2 (`mirrorfold.common.slabs`). For each echo, wall, and kind, reflected or passed:
+
+- The best glint of all delays and powers of frequency explains the share E of the power of the whole echo, which is the
+  projection of its spectra on those of the glint. The misfit is 1 - E.
+- The best spectrum that both polarizations share leaves a misfit as in `mirrorfold.tree.half_transparent.panes`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+from mirrorfold.common.kernels import njit
+from mirrorfold.common.threads import in_shares
+from mirrorfold.common.types import Array
+
+SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
+"""Scales of error that are averaged over: power of the error over that of the echo. They range from 1 % of the
+amplitude, which is what the model of plane waves leaves out (`mirrorfold.simulation.rays.slabs`), to no agreement."""
+
+UNLIKE = np.log(10.0) / 20.0 * np.array([0.3, 1.0, 3.0])
+"""Standard deviations that are tried, of the level [neper] and phase [rad] of a glint in TE against TM, up to a sign:
+small for conductors, larger beside a rough surface."""
+
+LEVELS = np.log(10.0) / 20.0 * 40.0
+"""Span of the levels of TM against TE [neper] if nothing is known of them: 40 dB."""
+
+DELAY_STEP, DELAYS = 0.1, 15
+"""Step of the delays of a glint against the place of its echo that are tried, in range cells; and their number, later
+and as many earlier: the highest point of a ridge is seldom sampled."""
+
+GLINT_NUMBERS = 2.5
+"""Free complex numbers in the spectra of a glint: an amplitude in either polarization, and a delay, which is real."""
+
+LANES = 8
+"""Sums over frequency are padded to a multiple of this number, of which a core adds up as many at once."""
+
+WORTH_SHARING = 16
+"""Number of walls from which on the cores share them."""
+
+
+class Measured(NamedTuple):
+    """What is measured of echoes behind a wall.
+
+    Attributes
+    ----------
+    whole : (2, n, m) complex array
+        Spectra of whole echoes in TE and TM, times their taper.
+    power : (n,) array
+        Power of whole echoes over all frequencies, in both polarizations, without that second taper.
+    ratio : (3, n, m) complex array
+        Of the spectra that the test of ratios uses: powers of TE and of TM, and TM times the conjugate of TE.
+    total : (n,) array
+        Power of those spectra over all frequencies, of both.
+    noise : (n,) array
+        Power of the noise over that of the echo, for one independent value.
+    angle : (n,) array [rad]
+    wavenumber, taper : (m,) arrays
+        Wavenumbers [rad/m], and the window over frequency that the spectra contain.
+    independent : float
+        Number of independent values of each spectrum.
+    cell : float [m]
+        Range cell.
+    """
+
+    whole: NDArray[np.complex128]
+    power: Array
+    ratio: NDArray[np.complex128]
+    total: Array
+    noise: Array
+    angle: Array
+    wavenumber: Array
+    taper: Array
+    independent: float
+    cell: float
+
+
+Tables = tuple[Any, ...]
+"""What `likelihoods` needs of the echoes, see `tables`."""
+
+
+def tables(echoes: Measured, powers: tuple[float, ...]) -> Tables:
+    """What does not depend on the wall; `powers` are those of frequency with which the amplitude of glints may fall."""
+    k, n = echoes.wavenumber, echoes.independent
+    offset = np.pad(k - k.mean(), (0, -k.size % LANES))
+    turns = 2.0 * np.outer(DELAY_STEP * echoes.cell * np.arange(DELAYS + 1), offset)
+    falls = (k / k.mean()) ** np.array(powers)[:, None]
+    # Numbers that a model leaves free, and the constant of each likelihood: that of a random direction.
+    left = np.array([2.0 * n - GLINT_NUMBERS, n - 0.5])
+    usual = np.log(SCALES.size) - gammaln(2.0 * n - left) + gammaln(2.0 * n)
+    return (
+        *(k, echoes.angle, echoes.whole, echoes.power, echoes.ratio, echoes.total, echoes.noise),
+        *(falls, (falls * echoes.taper) ** 2, np.cos(turns), np.sin(turns), left, usual),
+    )
+
+
+def likelihoods(
+    permittivity: NDArray[np.complex128], thickness: Array, rms_height: Array, of: Tables, kinds: int = 2
+) -> Array:
+    """Logarithms of the likelihoods of reflected and of passed echoes over those of arbitrary spectra, (kinds, w, n).
+
+    Parameters
+    ----------
+    permittivity, thickness, rms_height : (w,) arrays
+        Of the walls; thickness and rms height of the faces in [m].
+    of : tuple of array
+        The `tables` of the echoes.
+    kinds : int
+        One for reflected echoes alone.
+    """
+    angle = of[1]
+    out = np.empty((kinds, thickness.size, angle.size))
+    work = permittivity, thickness, rms_height, *of, out
+    if thickness.size < WORTH_SHARING:
+        _likelihoods(*work, 0, thickness.size)
+    else:
+        in_shares(lambda *share: _likelihoods(*work, *share), thickness.size)
+    return out
+
+
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
+def _likelihoods(  # type: ignore[no-untyped-def]
+    permittivity, thickness, rms_height, wavenumber, angle, whole, power, ratio, total, noise, falls, law, cosine, sine,
+    left, usual, out, start, stop,
+):  # fmt: skip
+    """`likelihoods` of the walls from `start` to `stop`."""
+    wave = np.empty((2, 2, wavenumber.size), np.complex128)  # of both kinds, in both polarizations
+    explained = np.empty((falls.shape[0], 2 * cosine.shape[0] - 1))
+    sent, both = np.empty((2, *explained.shape), np.complex128), np.zeros((2, cosine.shape[1]))
+    for w in range(start, stop):
+        for n in range(angle.size):
+            _waves(permittivity[w], thickness[w], rms_height[w], wavenumber, angle[n], wave)
+            for kind in range(out.shape[0]):
+                share, unlike = _glint(wave[kind], whole[:, n], falls, law, cosine, sine, both, sent, explained)
+                misfit = min(max(1.0 - share / power[n], 0.0), 1.0)
+                glint = _averaged(misfit, noise[n], left[0], usual[0]) + _prior(unlike)
+                misfit = _unparallel(wave[kind], ratio[:, n]) / total[n]
+                rough = _averaged(misfit, noise[n], left[1], usual[1])
+                out[kind, w, n] = _log_sum(glint, rough) - np.log(2.0)
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _log_sum(a, b):  # type: ignore[no-untyped-def]
+    """``log(exp(a) + exp(b))``."""
+    return max(a, b) + np.log1p(np.exp(-abs(a - b)))
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _averaged(misfit, noise, left, usual):  # type: ignore[no-untyped-def]
+    """Logarithm of the likelihood of a misfit, averaged over the `SCALES` of its error, less the `usual` one.
+
+    The model leaves so many complex dimensions unexplained as `left` says.
+    """
+    largest = -1e300
+    for scale in SCALES:
+        variance = scale + noise
+        largest = max(largest, left * (np.log(left / variance) - misfit / variance))
+    total = 0.0
+    for scale in SCALES:
+        variance = scale + noise
+        total += np.exp(left * (np.log(left / variance) - misfit / variance) - largest)
+    return largest + np.log(total) - usual
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _prior(unlike):  # type: ignore[no-untyped-def]
+    """Logarithm of the prior of the squared difference of a glint's levels in TE and TM, averaged over `UNLIKE`."""
+    total = 0.0
+    for spread in UNLIKE:
+        total += 0.5 * LEVELS / spread**2 * np.exp(-0.5 * unlike / spread**2)
+    return np.log(max(total / UNLIKE.size, 1e-300))
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _waves(eps, thickness, rms_height, wavenumber, angle, wave):  # type: ignore[no-untyped-def]
+    """R^2 and T^2 of a wall in TE and TM, into wave (2, 2, m), see `mirrorfold.common.slabs`."""
+    cosine = np.cos(angle)
+    q = np.sqrt(eps - np.sin(angle) ** 2)
+    for i in range(2):
+        outside = cosine if i == 0 else eps * cosine
+        r = (outside - q) / (outside + q)
+        for m in range(wavenumber.size):
+            k = wavenumber[m]
+            height = (k * rms_height) ** 2
+            way, straight = np.exp(-1j * k * thickness * q), np.exp(1j * k * thickness * cosine)
+            once = r * way * np.exp(-2.0 * height * q.real**2)
+            passed = (1.0 - r * r) * way * np.exp(-height * (q.real - cosine) ** 2) / (1.0 - once * once)
+            reflected = r * np.exp(-2.0 * height * cosine**2) - passed * once
+            passed *= straight
+            wave[0, i, m], wave[1, i, m] = reflected * reflected, passed * passed
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _glint(wave, whole, falls, law, cosine, sine, both, sent, explained):  # type: ignore[no-untyped-def]
+    """Power of an echo that the best glint explains; and its squared difference of levels in TE and TM, up to a sign.
+
+    Parameters
+    ----------
+    wave, whole : (2, m) arrays
+        By which the wall multiplies the spectra, and the tapered spectra of the echo.
+    falls, law : (powers, m) arrays
+        Amplitude of glints against frequency; and its square, with the square of the taper.
+    cosine, sine : (delays, m or more) arrays
+        Of the phase by which each delay turns the spectra, from none on.
+    both : (2, m or more) array
+        Room for real and imaginary parts; zero beyond m.
+    sent, explained : (2, powers, all delays) and (powers, all delays) arrays
+        Filled: the sum of the spectra against those of glints, and the power that each glint explains.
+    """
+    middle = cosine.shape[0] - 1
+    best, best_p, best_d = -1.0, 0, 0
+    for p in range(falls.shape[0]):
+        for d in range(explained.shape[1]):
+            explained[p, d] = 0.0
+        for i in range(2):
+            power = 0.0
+            for m in range(falls.shape[1]):
+                passed, back = wave[i, m], whole[i, m] * wave[i, m].conjugate() * falls[p, m]
+                power += (passed.real**2 + passed.imag**2) * law[p, m]
+                both[0, m], both[1, m] = back.real, back.imag
+            for d in range(middle + 1):
+                # The sums of cosines and of sines serve the delay and its negative.
+                a, b, c, s = 0.0, 0.0, 0.0, 0.0
+                for m in range(cosine.shape[1]):
+                    a += both[0, m] * cosine[d, m]
+                    b += both[1, m] * sine[d, m]
+                    c += both[1, m] * cosine[d, m]
+                    s += both[0, m] * sine[d, m]
+                later, earlier = complex(a - b, c + s) / power, complex(a + b, c - s) / power
+                sent[i, p, middle + d], sent[i, p, middle - d] = later, earlier
+                explained[p, middle + d] += (later.real**2 + later.imag**2) * power
+                if d:
+                    explained[p, middle - d] += (earlier.real**2 + earlier.imag**2) * power
+        for d in range(explained.shape[1]):
+            if explained[p, d] > best:
+                best, best_p, best_d = explained[p, d], p, d
+    difference = np.log(sent[0, best_p, best_d] / sent[1, best_p, best_d])
+    phase = difference.imag - np.pi * np.round(difference.imag / np.pi)
+    return _peak(explained), difference.real**2 + phase**2
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _peak(explained):  # type: ignore[no-untyped-def]
+    """The maximum of values (powers, delays), interpolated by parabolas between neighbouring delays."""
+    best = 0.0
+    for p in range(explained.shape[0]):
+        at = min(max(np.argmax(explained[p]), 1), explained.shape[1] - 2)
+        before, here, after = explained[p, at - 1], explained[p, at], explained[p, at + 1]
+        best, bend = max(best, before, here, after), before - 2.0 * here + after
+        if bend < 0.0:
+            beside = min(max(0.5 * (before - after) / bend, -0.5), 0.5)
+            best = max(best, here - 0.25 * (before - after) * beside)
+    return best
+
+
+@njit(nogil=True, error_model="numpy", fastmath=True)
+def _unparallel(wave, ratio):  # type: ignore[no-untyped-def]
+    """Power of an echo, its `ratio` (3, m) as in `Measured`, that is not parallel to the wave (2, m) of a wall."""
+    left, along = 0.0, 0.0j
+    for m in range(wave.shape[1]):
+        te, tm = wave[0, m], wave[1, m]
+        power_te, power_tm = te.real**2 + te.imag**2, tm.real**2 + tm.imag**2
+        scale = 1.0 / max(power_te + power_tm, 1e-300)
+        left += (power_tm * ratio[0, m].real + power_te * ratio[1, m].real) * scale
+        along += te * tm.conjugate() * ratio[2, m] * scale
+    return left - 2.0 * abs(along)
