@@ -19,6 +19,7 @@ from scipy.special import gammaln
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
+from mirrorfold.tree.half_transparent.misfits import LANES, REORDERED
 
 SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
 """Scales of error that are averaged over: power of the error over that of the echo. They range from 1 % of the
@@ -37,9 +38,6 @@ and as many earlier: the highest point of a ridge is seldom sampled."""
 
 GLINT_NUMBERS = 2.5
 """Free complex numbers in the spectra of a glint: an amplitude in either polarization, and a delay, which is real."""
-
-LANES = 8
-"""Sums over frequency are padded to a multiple of this number, of which a core adds up as many at once."""
 
 WORTH_SHARING = 16
 """Number of walls from which on the cores share them."""
@@ -96,7 +94,8 @@ def tables(echoes: Measured, powers: tuple[float, ...]) -> Tables:
     usual = np.log(SCALES.size) - gammaln(2.0 * n - left) + gammaln(2.0 * n)
     return (
         *(k, echoes.angle, echoes.whole, echoes.power, echoes.ratio, echoes.total, echoes.noise),
-        *(falls, (falls * echoes.taper) ** 2, np.cos(turns), np.sin(turns), left, usual),
+        *(falls, (falls * echoes.taper) ** 2, np.cos(turns), np.sin(turns)),
+        *(left, usual, SCALES, np.stack([0.5 * LEVELS / UNLIKE.size / UNLIKE**2, 0.5 / UNLIKE**2])),
     )
 
 
@@ -124,10 +123,10 @@ def likelihoods(
     return out
 
 
-@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=REORDERED)
 def _likelihoods(  # type: ignore[no-untyped-def]
     permittivity, thickness, rms_height, wavenumber, angle, whole, power, ratio, total, noise, falls, law, cosine, sine,
-    left, usual, out, start, stop,
+    left, usual, scales, prior, out, start, stop,
 ):  # fmt: skip
     """`likelihoods` of the walls from `start` to `stop`."""
     wave = np.empty((2, 2, wavenumber.size), np.complex128)  # of both kinds, in both polarizations
@@ -139,45 +138,48 @@ def _likelihoods(  # type: ignore[no-untyped-def]
             for kind in range(out.shape[0]):
                 share, unlike = _glint(wave[kind], whole[:, n], falls, law, cosine, sine, both, sent, explained)
                 misfit = min(max(1.0 - share / power[n], 0.0), 1.0)
-                glint = _averaged(misfit, noise[n], left[0], usual[0]) + _prior(unlike)
+                glint = _averaged(misfit, noise[n], left[0], usual[0], scales) + _prior(unlike, prior)
                 misfit = _unparallel(wave[kind], ratio[:, n]) / total[n]
-                rough = _averaged(misfit, noise[n], left[1], usual[1])
+                rough = _averaged(misfit, noise[n], left[1], usual[1], scales)
                 out[kind, w, n] = _log_sum(glint, rough) - np.log(2.0)
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
 def _log_sum(a, b):  # type: ignore[no-untyped-def]
     """``log(exp(a) + exp(b))``."""
     return max(a, b) + np.log1p(np.exp(-abs(a - b)))
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
-def _averaged(misfit, noise, left, usual):  # type: ignore[no-untyped-def]
-    """Logarithm of the likelihood of a misfit, averaged over the `SCALES` of its error, less the `usual` one.
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
+def _averaged(misfit, noise, left, usual, scales):  # type: ignore[no-untyped-def]
+    """Logarithm of the likelihood of a misfit, averaged over the `scales` of its error, less the `usual` one.
 
     The model leaves so many complex dimensions unexplained as `left` says.
     """
     largest = -1e300
-    for scale in SCALES:
+    for scale in scales:
         variance = scale + noise
         largest = max(largest, left * (np.log(left / variance) - misfit / variance))
     total = 0.0
-    for scale in SCALES:
+    for scale in scales:
         variance = scale + noise
         total += np.exp(left * (np.log(left / variance) - misfit / variance) - largest)
     return largest + np.log(total) - usual
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
-def _prior(unlike):  # type: ignore[no-untyped-def]
-    """Logarithm of the prior of the squared difference of a glint's levels in TE and TM, averaged over `UNLIKE`."""
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
+def _prior(unlike, prior):  # type: ignore[no-untyped-def]
+    """Logarithm of the prior of the squared difference of a glint's levels in TE and TM, averaged over `UNLIKE`.
+
+    `prior` (2, spreads) holds the weight of each spread, and the factor of the exponent.
+    """
     total = 0.0
-    for spread in UNLIKE:
-        total += 0.5 * LEVELS / spread**2 * np.exp(-0.5 * unlike / spread**2)
-    return np.log(max(total / UNLIKE.size, 1e-300))
+    for i in range(prior.shape[1]):
+        total += prior[0, i] * np.exp(-prior[1, i] * unlike)
+    return np.log(max(total, 1e-300))
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
 def _waves(eps, thickness, rms_height, wavenumber, angle, wave):  # type: ignore[no-untyped-def]
     """R^2 and T^2 of a wall in TE and TM, into wave (2, 2, m), see `mirrorfold.common.slabs`."""
     cosine = np.cos(angle)
@@ -196,7 +198,7 @@ def _waves(eps, thickness, rms_height, wavenumber, angle, wave):  # type: ignore
             wave[0, i, m], wave[1, i, m] = reflected * reflected, passed * passed
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
 def _glint(wave, whole, falls, law, cosine, sine, both, sent, explained):  # type: ignore[no-untyped-def]
     """Power of an echo that the best glint explains; and its squared difference of levels in TE and TM, up to a sign.
 
@@ -245,7 +247,7 @@ def _glint(wave, whole, falls, law, cosine, sine, both, sent, explained):  # typ
     return _peak(explained), difference.real**2 + phase**2
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
 def _peak(explained):  # type: ignore[no-untyped-def]
     """The maximum of values (powers, delays), interpolated by parabolas between neighbouring delays."""
     best = 0.0
@@ -259,7 +261,7 @@ def _peak(explained):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
 def _unparallel(wave, ratio):  # type: ignore[no-untyped-def]
     """Power of an echo, its `ratio` (3, m) as in `Measured`, that is not parallel to the wave (2, m) of a wall."""
     left, along = 0.0, 0.0j

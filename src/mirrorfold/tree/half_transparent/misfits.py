@@ -13,6 +13,9 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 
+REORDERED = {"reassoc", "contract", "arcp", "nsz"}
+"""What compiled sums may do: be reordered, so that a core adds up several terms at once. NaN stays NaN."""
+
 LANES = 8
 """Frequencies are padded to a multiple of this number, of which a core computes as many at once."""
 
@@ -52,7 +55,7 @@ def misfits(
     return out
 
 
-@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=REORDERED)
 def _misfits(permittivity, thickness, first, step, angle, powers, out, start, stop):  # type: ignore[no-untyped-def]
     """`misfits` of the walls from `start` to `stop`."""
     count = powers.shape[2]
@@ -75,7 +78,7 @@ def _misfits(permittivity, thickness, first, step, angle, powers, out, start, st
             out[0, w, n], out[1, w, n] = _one_wall(way_re, way_im, r_re, r_im, s_re, s_im, powers[n])
 
 
-@njit(nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
 def _one_wall(way_re, way_im, r_re, r_im, s_re, s_im, power):  # type: ignore[no-untyped-def]
     """The two misfits of one echo, for the waves once through a wall, (m,), and its coefficients, (2,), TE and TM.
 
