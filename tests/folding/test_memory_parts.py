@@ -62,10 +62,10 @@ def test_a_sweep_is_held_with_the_beams_that_its_echoes_are_tested_with(monkeypa
 
 
 def test_a_small_sweep_is_held_with_the_finer_range_profiles_that_tell_late_echoes():
-    """Up to 8 million samples, four to a range cell, with the samples that they are made from."""
+    """A thousand pairs, and as many more as have 8 million samples, four to a range cell; both are kept."""
     coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
     parts = fold_parts(coarse, sweep_of(60, 80))
-    assert parts["range profiles of pairs"] == 8.0 * 5 * 510 * (2**23 // (4 * 510))
+    assert parts["range profiles of pairs"] == 8.0 * 4 * 510 * (1000 + 2**23 // (4 * 510))
 
 
 def sweep_of(transmitters, receivers):

@@ -231,6 +231,7 @@ class Tried:
 
     def __init__(self, view, places):
         self.view, self.places, self.glanced, self.tried, self.through = view, places, [], [], []
+        self.earlier = []
 
     def find_echoes(self, *, through):
         self.through.append(list(through))
@@ -240,8 +241,9 @@ class Tried:
         self.glanced.append(list(mirrors))
         return found_with(self.view, list(mirrors), echoes.position)
 
-    def full_pass(self, *, echoes, besides):
+    def full_pass(self, *, echoes, besides, earlier):
         self.tried.append(list(besides))
+        self.earlier.append(earlier)
         return found_with(self.view, list(besides), echoes.position)
 
 
@@ -278,7 +280,7 @@ def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_
     monkeypatch.setattr(curved, "candidates", lambda found, view: [PILLAR])
     steps, first = Tried(view, SHOWN), found_with(view, [], SHOWN)
 
-    def again(*, echoes, besides):
+    def again(*, echoes, besides, earlier):
         return found_with(view, list(besides), echoes.position[:2])
 
     assert find_curved(first, view, Steps(steps.find_echoes, steps.quick_pass, again))[0] is first
@@ -286,8 +288,9 @@ def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_
 
 
 def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view, monkeypatch):
-    found, _, steps = curved_of(view, monkeypatch, SHOWN, [PILLAR, ASIDE], [])
+    found, first, steps = curved_of(view, monkeypatch, SHOWN, [PILLAR, ASIDE], [])
     assert steps.tried == [[PILLAR]]
+    assert steps.earlier == [first]
     assert [node.line for node in found.tree.walk()] == [None, PILLAR]
     assert steps.through[-1] == [PILLAR]
 

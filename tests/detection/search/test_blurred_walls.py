@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic import RANGE_CELL, diffuse, on_line, radar_view, together
 
 from mirrorfold.detection.image_echoes import find_ridges
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.lines import find_lines
+from mirrorfold.detection.search.remembered import remembered
 
 START, END = np.array([-0.7, 1.3]), np.array([0.8, 1.3])
 BEHIND = np.array([0.0, 0.6 * RANGE_CELL])
@@ -47,3 +51,27 @@ def test_places_are_blurred_in_the_beam_of_an_echo_from_elsewhere_alone():
     assert known.near_misplaced(wall).tolist() == near.tolist()
     assert not known.near_misplaced(wall + np.array([0.0, 1.5 * RANGE_CELL])).any()
     assert not view.near_misplaced(wall).any()
+
+
+def test_what_is_known_of_a_row_is_asked_again_once_an_echo_beside_it_is_misplaced():
+    view = radar_view(*diffuse(START, END, 0))
+    asked = []
+
+    @remembered
+    def length(mirror, view):
+        asked.append(len(view.misplaced))
+        return mirror.length
+
+    row = LineMirror(START, END)
+    assert [length(row, view), length(replace(row, fill=0.7), view)] == [pytest.approx(1.5)] * 2
+    assert asked == [0]
+    # Far from the row, it is no matter; in the same place as the row, it is.
+    far, beside = np.array([[0.0, 0.7]]), np.array([[0.0, 1.3], [0.0, 0.7]])
+    assert view.told(misplaced=far).misplaced_about(row.ends).tolist() == []
+    length(row, view.told(misplaced=far))
+    assert asked == [0]
+    length(row, view.told(misplaced=beside))
+    length(row, view.told(misplaced=beside))
+    assert asked == [0, 2]
+    length(LineMirror(START, 0.5 * (START + END)), view)
+    assert asked == [0, 2, 0]

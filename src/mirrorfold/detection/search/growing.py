@@ -73,7 +73,7 @@ class Search(ABC, Generic[M]):
     def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool) -> None:
         self.view, self.minimum_length, self.tested = view, minimum_length, tested
         self.every, self.echoes = echoes, proving_echoes(echoes, view)
-        usual = _rounded(float(np.median(self.echoes.amplitude)), echoes.reference) if len(self.echoes) else 1.0
+        usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
         self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
         self.square = view.squares(self.echoes.position)
         self.random = np.random.default_rng(0)
@@ -186,14 +186,6 @@ def _square_to(spans: list[Array]) -> Array:
     normal = turned(spans[0]) if len(spans) == 1 else np.cross(spans[0], spans[1])
     normal[~normal.any(axis=1), -1] = 1.0
     return unit(normal)
-
-
-def _rounded(amplitude: float, reference: float) -> float:
-    """An amplitude whose level relative to the `reference` echo is rounded to whole decibels.
-
-    Searches among nearly the same echoes then weigh them alike, and find exactly the same rows.
-    """
-    return reference * 10.0 ** (round(20.0 * np.log10(amplitude / reference)) / 20.0) if reference else amplitude
 
 
 def drawn(free: Index) -> Index:
