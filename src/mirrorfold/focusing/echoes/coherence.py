@@ -130,10 +130,10 @@ def look_up(longer, cells, middle, last, turns, cell, rest, cos, sin):  # type: 
 def _add_up(windows, cell, rest, cos, sin, total):  # type: ignore[no-untyped-def]
     """Add to `total` (3, gates), over the pairs, ``w exp(j phase)`` and ``|w|^2``, w interpolated in the window."""
     for p in range(cell.size):
-        at, share, c, s = cell[p], rest[p], cos[p], sin[p]
+        here, beyond, share, c, s = windows[p, cell[p]], windows[p, cell[p] + 1], rest[p], cos[p], sin[p]
         for g in range(total.shape[1]):
-            re = windows[p, at, 0, g] + share * (windows[p, at + 1, 0, g] - windows[p, at, 0, g])
-            im = windows[p, at, 1, g] + share * (windows[p, at + 1, 1, g] - windows[p, at, 1, g])
+            re = here[0, g] + share * (beyond[0, g] - here[0, g])
+            im = here[1, g] + share * (beyond[1, g] - here[1, g])
             total[0, g] += re * c - im * s
             total[1, g] += re * s + im * c
             total[2, g] += re * re + im * im
