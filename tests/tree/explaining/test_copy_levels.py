@@ -15,6 +15,8 @@ from mirrorfold.tree.explaining.copies import _quantile, _reflected, copies, cop
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order
 
+pytestmark = pytest.mark.nojit
+
 DELAY, LEVEL = 20, 0.3
 """In samples of range, and relative to the echo that is copied."""
 

@@ -13,6 +13,8 @@ from mirrorfold.tree.half_transparent.misfits import WORTH_SHARING
 from mirrorfold.tree.half_transparent.panes import Pairs
 from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls
 
+pytestmark = pytest.mark.nojit
+
 ECHOES, K = 7, 2.0 * np.pi * np.linspace(113e9, 127e9, 15) / 299792458.0
 CELL, INDEPENDENT = 0.019, 5.0
 
