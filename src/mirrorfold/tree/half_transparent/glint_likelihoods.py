@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from mirrorfold.common.kernels import njit
-from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
-from mirrorfold.tree.half_transparent.misfits import LANES, REORDERED
+from mirrorfold.tree.half_transparent.misfits import REORDERED, over_walls, unparallel, wall_waves
 
 SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
 """Scales of error that are averaged over: power of the error over that of the echo. They range from 1 % of the
@@ -32,15 +31,15 @@ small for conductors, larger beside a rough surface."""
 LEVELS = np.log(10.0) / 20.0 * 40.0
 """Span of the levels of TM against TE [neper] if nothing is known of them: 40 dB."""
 
+LANES = 8
+"""Sums over frequency are padded to a multiple of this number, of which a core adds up as many at once."""
+
 DELAY_STEP, DELAYS = 0.1, 15
 """Step of the delays of a glint against the place of its echo that are tried, in range cells; and their number, later
 and as many earlier: the highest point of a ridge is seldom sampled."""
 
 GLINT_NUMBERS = 2.5
 """Free complex numbers in the spectra of a glint: an amplitude in either polarization, and a delay, which is real."""
-
-WORTH_SHARING = 16
-"""Number of walls from which on the cores share them."""
 
 
 class Measured(NamedTuple):
@@ -52,7 +51,7 @@ class Measured(NamedTuple):
         Spectra of whole echoes in TE and TM, times their taper.
     power : (n,) array
         Power of whole echoes over all frequencies, in both polarizations, without that second taper.
-    ratio : (3, n, m) complex array
+    ratio : (n, 3, m) complex array
         Of the spectra that the test of ratios uses: powers of TE and of TM, and TM times the conjugate of TE.
     total : (n,) array
         Power of those spectra over all frequencies, of both.
@@ -113,13 +112,8 @@ def likelihoods(
     kinds : int
         One for reflected echoes alone.
     """
-    angle = of[1]
-    out = np.empty((kinds, thickness.size, angle.size))
-    work = permittivity, thickness, rms_height, *of, out
-    if thickness.size < WORTH_SHARING:
-        _likelihoods(*work, 0, thickness.size)
-    else:
-        in_shares(lambda *share: _likelihoods(*work, *share), thickness.size)
+    out = np.empty((kinds, thickness.size, of[1].size))  # of[1] are the angles
+    over_walls(_likelihoods, thickness.size, permittivity, thickness, rms_height, *of, out)
     return out
 
 
@@ -134,12 +128,12 @@ def _likelihoods(  # type: ignore[no-untyped-def]
     sent, both = np.empty((2, *explained.shape), np.complex128), np.zeros((2, cosine.shape[1]))
     for w in range(start, stop):
         for n in range(angle.size):
-            _waves(permittivity[w], thickness[w], rms_height[w], wavenumber, angle[n], wave)
+            wall_waves(permittivity[w], thickness[w], rms_height[w], wavenumber, angle[n], wave)
             for kind in range(out.shape[0]):
                 share, unlike = _glint(wave[kind], whole[:, n], falls, law, cosine, sine, both, sent, explained)
                 misfit = min(max(1.0 - share / power[n], 0.0), 1.0)
                 glint = _averaged(misfit, noise[n], left[0], usual[0], scales) + _prior(unlike, prior)
-                misfit = _unparallel(wave[kind], ratio[:, n]) / total[n]
+                misfit = unparallel(wave[kind], ratio[n]) / total[n]
                 rough = _averaged(misfit, noise[n], left[1], usual[1], scales)
                 out[kind, w, n] = _log_sum(glint, rough) - np.log(2.0)
 
@@ -177,25 +171,6 @@ def _prior(unlike, prior):  # type: ignore[no-untyped-def]
     for i in range(prior.shape[1]):
         total += prior[0, i] * np.exp(-prior[1, i] * unlike)
     return np.log(max(total, 1e-300))
-
-
-@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
-def _waves(eps, thickness, rms_height, wavenumber, angle, wave):  # type: ignore[no-untyped-def]
-    """R^2 and T^2 of a wall in TE and TM, into wave (2, 2, m), see `mirrorfold.common.slabs`."""
-    cosine = np.cos(angle)
-    q = np.sqrt(eps - np.sin(angle) ** 2)
-    for i in range(2):
-        outside = cosine if i == 0 else eps * cosine
-        r = (outside - q) / (outside + q)
-        for m in range(wavenumber.size):
-            k = wavenumber[m]
-            height = (k * rms_height) ** 2
-            way, straight = np.exp(-1j * k * thickness * q), np.exp(1j * k * thickness * cosine)
-            once = r * way * np.exp(-2.0 * height * q.real**2)
-            passed = (1.0 - r * r) * way * np.exp(-height * (q.real - cosine) ** 2) / (1.0 - once * once)
-            reflected = r * np.exp(-2.0 * height * cosine**2) - passed * once
-            passed *= straight
-            wave[0, i, m], wave[1, i, m] = reflected * reflected, passed * passed
 
 
 @njit(nogil=True, error_model="numpy", fastmath=REORDERED)
@@ -259,16 +234,3 @@ def _peak(explained):  # type: ignore[no-untyped-def]
             beside = min(max(0.5 * (before - after) / bend, -0.5), 0.5)
             best = max(best, here - 0.25 * (before - after) * beside)
     return best
-
-
-@njit(nogil=True, error_model="numpy", fastmath=REORDERED)
-def _unparallel(wave, ratio):  # type: ignore[no-untyped-def]
-    """Power of an echo, its `ratio` (3, m) as in `Measured`, that is not parallel to the wave (2, m) of a wall."""
-    left, along = 0.0, 0.0j
-    for m in range(wave.shape[1]):
-        te, tm = wave[0, m], wave[1, m]
-        power_te, power_tm = te.real**2 + te.imag**2, tm.real**2 + tm.imag**2
-        scale = 1.0 / max(power_te + power_tm, 1e-300)
-        left += (power_tm * ratio[0, m].real + power_te * ratio[1, m].real) * scale
-        along += te * tm.conjugate() * ratio[2, m] * scale
-    return left - 2.0 * abs(along)

@@ -22,7 +22,7 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.tree.half_transparent.misfits import misfits, padded
+from mirrorfold.tree.half_transparent.misfits import misfits
 
 Spectra = NDArray[np.complex128]
 
@@ -129,13 +129,13 @@ class Pairs:
 
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """Misfits of reflection and of transmission, (w, n) each, at walls of permittivity and thickness [m], (w,)."""
-        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self._padded) / self.products.total
+        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self.ratio) / self.products.total
         return left[0], left[1]
 
     @cached_property
-    def _padded(self) -> Array:
-        """The `products` as `misfits` takes them."""
-        return padded(*self.products[:3])
+    def ratio(self) -> Spectra:
+        """Powers of TE and of TM, and TM times the conjugate of TE, of every echo, (n, 3, m)."""
+        return np.stack(self.products[:3], axis=1).astype(complex)
 
     @cached_property
     def products(self) -> Products:

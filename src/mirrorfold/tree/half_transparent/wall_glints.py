@@ -127,7 +127,7 @@ class Glints:
             measured = Measured(
                 whole=whole * self.taper,
                 power=power_of(whole).sum(axis=(0, 2)),
-                ratio=np.stack(pairs.products[:3]),
+                ratio=pairs.ratio,
                 total=pairs.products.total,
                 noise=pairs.noise,
                 angle=pairs.angle,
