@@ -75,3 +75,9 @@ def test_what_is_known_of_a_row_is_asked_again_once_an_echo_beside_it_is_misplac
     assert asked == [0, 2]
     length(LineMirror(START, 0.5 * (START + END)), view)
     assert asked == [0, 2, 0]
+    # Wherever on the row it is.
+    for share in np.random.default_rng(0).random(50):
+        place = START + share * (END - START)
+        count = len(asked)
+        length(row, view.told(misplaced=place[None]))
+        assert len(asked) == count + 1

@@ -16,9 +16,6 @@ import numpy as np
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import ImageView
 
-STEPS = np.linspace(0.0, 1.0, 65)[:, None]
-"""Where a row is looked at for misplaced echoes about it, as shares of its length: closer than a cell for most rows."""
-
 T = TypeVar("T")
 
 
@@ -30,8 +27,10 @@ def remembered(ask: Callable[[LineMirror, ImageView], T]) -> Callable[[LineMirro
 
     @wraps(ask)
     def known(mirror: LineMirror, view: ImageView) -> T:
-        # A fit moves a row by less than the size of the area that a misplaced echo blurs.
-        blurs = view.misplaced_about(mirror.start + STEPS * (mirror.end - mirror.start))
+        # A fit moves a row by less than the size of the area that a misplaced echo blurs. Places a cell apart suffice.
+        cell = min(view.range_cell, float(view.cross_cell(mirror.ends).min()))
+        along = np.linspace(0.0, 1.0, 2 + int(mirror.length / cell))[:, None]
+        blurs = view.misplaced_about(mirror.start + along * (mirror.end - mirror.start))
         key = f"{ask.__module__}.{ask.__qualname__}", mirror.ends.tobytes(), blurs.tobytes()
         if key not in view.fits:
             view.fits[key] = ask(LineMirror(mirror.start, mirror.end), view)
