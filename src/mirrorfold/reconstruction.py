@@ -28,7 +28,7 @@ from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Mask, Progress
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.finding import find_echoes, see, usual_settings
+from mirrorfold.detection.finding import STEEPEST, depression, find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors
 from mirrorfold.detection.mirrors.plan_mirrors import mirrors_of_plan
 from mirrorfold.detection.views.image_view import ImageView
@@ -264,9 +264,10 @@ class FoldPlan:
         given_count = None if mirrors is None else mirrors.count if isinstance(mirrors, FloorPlan) else len(mirrors)
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
-        if settings.generations == 0 and not by_hand:
+        from_above = depression(view, echoes) > STEEPEST and not settings.published
+        if not by_hand and (settings.generations == 0 or from_above):
             mirrors = check_mirrors([])  # no mirror is used, and no echo is taken for a ghost
-        if mirrors is not None and settings.opaque:
+        if mirrors is not None and settings.opaque and not from_above:
             echoes, walls = self._wall_echoes(chosen, settings)
         measure = self._measure if not settings.published else no_measurements
         measured = measure(view) if isinstance(view, ImageView) else Measured()

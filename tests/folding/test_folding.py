@@ -207,6 +207,19 @@ def test_a_reconstruction_survives_the_disk(folded, tmp_path):
         assert_array_equal(again.attrs[key], value)
 
 
+def test_a_radar_that_looks_down_steeply_seeks_no_mirrors_but_uses_given_ones(view):
+    """Half of the echoes are up to 1.4 m away. Seen from 0.3 m above the image is a floor plan, from 1 m it is none."""
+    levels = abs(view)
+    low, high = levels.assign_coords(z=-0.3), levels.assign_coords(z=-1.0)
+    assert mf.fold(low)["mirrors"].sizes["mirror"] == 1
+    unfolded = mf.fold(high)
+    assert not unfolded["mirrors"].sizes["mirror"]
+    assert not unfolded["objects"]["bounces"].any()
+    assert "the radar looks down by 35 degrees" in unfolded.attrs["remark"]
+    assert mf.fold(high, mirrors=[WALL])["mirrors"].sizes["mirror"] == 1
+    assert not mf.fold(high, generations=0).attrs["remark"]
+
+
 def test_an_image_without_mirrors_stays_unfolded_and_says_so():
     image = radar_image(LONE, np.array([6.0]), *grid())
     result = mf.fold(image)

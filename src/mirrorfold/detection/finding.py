@@ -37,6 +37,12 @@ NEAREST, MIDDLE = 0.1, 0.5
 """The resolution cell of a scene is that at the range within which this share of the strong echoes lies: in an image,
 and in a volume."""
 
+STEEPEST = 26.6
+"""Angle [degree] below the horizon at which the radar sees the scene, up to which its image is a floor plan in which
+mirrors are sought. A wall of height H hides, and shows in itself, what lies on the ground up to ``H / tan(angle)``
+behind it: here 2 H. Under steeper angles walls tower over the radar's path less than it passes over them, and rows of
+bright things, such as parked cars, are all that looks like a wall from above."""
+
 Finder = Callable[..., Sequence[Mirror]]
 """A function that finds mirrors, with the arguments and the result of `find_mirrors`."""
 
@@ -57,7 +63,7 @@ def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
         doubt_angles(image, "image")
         return view
     if isinstance(image, xr.DataArray) and image.dims == VOXELS:  # the strongest voxel of each column
-        image = abs(image).max("z", skipna=False, keep_attrs=True)
+        image = abs(image).max("z", skipna=False, keep_attrs=True).assign_coords(z=image["z"].mean())
     return to_image_view(image, normalization=normalization)
 
 
@@ -144,6 +150,15 @@ def with_cache() -> Finder:
         return answers[key]
 
     return find
+
+
+def depression(view: View, echoes: Echoes) -> float:
+    """Angle [degree] below the horizon at which the radar sees the middle of its strong echoes; 0 if there are
+    none, and in a volume.
+    """
+    if not (isinstance(view, ImageView) and echoes.strong.any()):
+        return 0.0
+    return float(np.degrees(np.arctan2(view.height, echoes.range_up_to(MIDDLE))))
 
 
 def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:

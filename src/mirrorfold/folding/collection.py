@@ -12,7 +12,7 @@ import xarray as xr
 from mirrorfold import __version__
 from mirrorfold.common.chains import chain_name
 from mirrorfold.detection import Fold, Mirror
-from mirrorfold.detection.finding import example_mirror
+from mirrorfold.detection.finding import STEEPEST, depression, example_mirror
 from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
@@ -100,6 +100,11 @@ def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSet
     if not found.tree.mirrors:
         wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
         why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"
+        if (angle := depression(found.sight.view, found.echoes)) > STEEPEST and not settings.published:
+            why = (
+                f"the radar looks down by {angle:.0f} degrees, where a wall shows in itself only the ground at its "
+                "foot; give mirrors to fold all the same"
+            )
         return f"no mirror was found: {why}; the scene is shown unfolded"
     own = found.explained.take(found.explanation == ITSELF)
     through = found.sight.seen_through(own.range, own.direction)

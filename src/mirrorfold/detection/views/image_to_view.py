@@ -39,8 +39,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     InputError
         If the image cannot be used; see `check_samples`.
     """
-    view, axes, height = _unsampled(image, normalization)
-    amplitude = sampled(view, image, axes, height).astype(np.float64)
+    view, axes = _unsampled(image, normalization)
+    amplitude = sampled(view, image, axes).astype(np.float64)
     done = str(image.attrs.get("normalization", "none"))
     if done not in RANGE_POWERS:
         raise InputError(f"image: normalization is {in_message(done)}, expected one of {', '.join(RANGE_POWERS)}")
@@ -53,12 +53,12 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
 
 def samples_of(image: xr.DataArray) -> tuple[int, int]:
     """Number of ranges and directions of `to_image_view`, from the coordinates and attributes of the image alone."""
-    view, *_ = _unsampled(image, None)
+    view, _ = _unsampled(image, None)
     return view.range.size, view.u.size
 
 
-def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array], float]:
-    """The view of an image without its amplitudes; x and y of the image; and the height of the radar above it [m]."""
+def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array]]:
+    """The view of an image without its amplitudes, and x and y of the image."""
     check_samples(image, ("y", "x"))
     normalization = normalization or "r"
     if normalization not in RANGE_POWERS:
@@ -121,5 +121,5 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         )
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-                     ambiguous if nearest < ambiguous else np.inf)  # fmt: skip
-    return view, (x, y), height
+                     ambiguous if nearest < ambiguous else np.inf, height=height)  # fmt: skip
+    return view, (x, y)

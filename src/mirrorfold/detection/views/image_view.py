@@ -73,6 +73,8 @@ class ImageView(View):
         that lie beyond it.
     noisy : bool
         Whether the noise can be estimated from the image, see `noise_level`.
+    height : float [m]
+        Of the radar above the plane of the image. Ranges are distances in this plane.
     misplaced : (m, 2) array [m]
         Where the image shows misplaced echoes: the sweep tells that most of their energy came back by another path
         than it went out.
@@ -97,6 +99,7 @@ class ImageView(View):
     wavelength: float = np.inf
     ambiguous: float = np.inf
     noisy: bool = True
+    height: float = 0.0
     misplaced: Array = field(default_factory=lambda: np.zeros((0, 2)))
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
@@ -251,7 +254,8 @@ class ImageView(View):
         high = [int(np.ceil(axis.max())) + 17 for axis in pixel]
         part = image.values[low[0] : high[0], low[1] : high[1]]
         across, ahead = x[low[1] : high[1]] - self.radar[0], y[low[0] : high[0]] - self.radar[1]
-        carried = part * np.exp(-2j * wavenumber * np.hypot(across[None, :], ahead[:, None]))
+        distance = np.sqrt(across[None, :] ** 2 + ahead[:, None] ** 2 + self.height**2)
+        carried = part * np.exp(-2j * wavenumber * distance)
         where = [axis - first for axis, first in zip(pixel, low, strict=True)]
         values = sum(
             unit * map_coordinates(spline_filter(piece), where, prefilter=False, order=3)

@@ -20,11 +20,11 @@ ROWS = 64
 """Number of rows of an image, or ranges of a view, that are computed at once."""
 
 
-def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], height: float) -> NDArray[Any]:
+def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array]) -> NDArray[Any]:
     """Amplitude of the image on the polar grid of the view, (nr, nu).
 
-    `axes` are x and y of the pixels, `height` is that of the radar above the image [m]. The carrier is removed from a
-    complex image before it is interpolated, if the wavelength is known.
+    `axes` are x and y of the pixels. The carrier is removed from a complex image before it is interpolated, if the
+    wavelength is known.
     """
     x, y = axes
     if not (np.iscomplexobj(image.values) and np.isfinite(view.wavelength)):
@@ -36,7 +36,7 @@ def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array], hei
 
     def demodulate(rows: slice) -> None:
         across, ahead = (x[None, :] - view.radar[0]) ** 2, (y[rows, None] - view.radar[1]) ** 2
-        distance = np.sqrt(across + ahead + height**2)
+        distance = np.sqrt(across + ahead + view.height**2)
         carrier = np.exp(-4j * np.pi / view.wavelength * distance).astype(np.complex64)
         np.multiply(image.values[rows], carrier, out=values[rows])
 
