@@ -222,9 +222,11 @@ def agreed(
 ) -> tuple[Order, Echoes]:
     """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
 
-    A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects.
+    A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects. Echoes
+    that seemed to be objects, and turn out to be part of a wall, hide nothing any more.
     """
     overhangs = Overhangs.nothing() if overhangs is None else overhangs
+    every, again = echoes, settings.opaque and known is None and not settings.published
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
         rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
@@ -244,7 +246,11 @@ def agreed(
             order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
-            break
+            # What the first round hid behind echoes that are now part of a wall is looked at again, once.
+            anew = order_mirrors(order.mirrors, view, every, settings).seen(every) if again else seen
+            if np.array_equal(anew.visible, seen.visible):
+                break
+            seen, again = anew, False
         echoes = seen
     return order, seen
 

@@ -1,0 +1,55 @@
+"""Mirrors are found and ordered in turn: what one round hides, a later one may show again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from synthetic import echoes_at, empty_view, on_line
+
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.tree.rounds import agreed
+
+WALL = np.array([[-0.5, 1.2], [0.5, 1.3]])
+GHOST, DEEP = np.array([0.45, 1.9]), np.array([0.52, 2.2])
+"""Seen in the right half of the wall; and behind that, in the same direction."""
+
+SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.02, curved=False)
+
+
+def finds(*answers):
+    """A search that gives one answer after the other, and then the last one again and again."""
+    left = list(answers)
+
+    def find(view, echoes, **options):
+        return [replace(mirror, strength=1.0) for mirror in (left.pop(0) if len(left) > 1 else left[0])]
+
+    return find
+
+
+def visible(*answers):
+    """Whether the wall's own echoes, the one that it shows, and the one behind that are visible in the end."""
+    view = empty_view()
+    places = np.concatenate([on_line(*WALL, spacing=0.005), [GHOST, DEEP]])
+    order, seen = agreed(view, echoes_at(view, places), SETTINGS, find=finds(*answers))
+    assert isinstance(seen, Echoes)
+    assert len(order.mirrors) == 1
+    return bool(seen.visible[:-2].all()), *seen.visible[-2:].tolist()
+
+
+def test_part_of_a_wall_that_is_found_later_hides_nothing_any_more():
+    """Before it is found, its echoes pass for an object, and hide what the wall shows there.
+
+    The echo farthest away is multiple scattering of the one that the wall shows, and stays hidden.
+    """
+    whole, half = LineMirror(*WALL), LineMirror(WALL[0], WALL.mean(axis=0))
+    assert visible([whole]) == (True, True, False)
+    assert visible([half]) == (True, False, False)
+    assert visible([half], [whole]) == (True, True, False)
+
+
+def test_a_wall_that_does_not_last_shows_nothing():
+    whole, half = LineMirror(*WALL), LineMirror(WALL[0], WALL.mean(axis=0))
+    assert visible([half], [whole], [half]) == (True, False, False)
