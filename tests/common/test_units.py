@@ -15,6 +15,7 @@ from mirrorfold.cli.planning import parse_band, parse_roughness
 from mirrorfold.cli.program import FUNCTIONS
 from mirrorfold.cli.results import parse_axis
 from mirrorfold.common.units import KINDS, parse_quantities, parse_quantity, unit_named
+from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.model import Places, Values
 from mirrorfold.io.scans.positions import Scan
 from mirrorfold.scenes.floor_plan import parse_scene
@@ -51,6 +52,8 @@ def test_options_of_several_numbers_take_units():
     assert parse_band("270GHz:0.3THz") == parse_band("270e9:300e9")
     assert parse_roughness("0.05mm,200um") == pytest.approx(parse_roughness("50,200"))
     assert parse_place("-1cm,1.5m,0", "sphere-at") == (-0.01, 1.5, 0.0)
+    with pytest.raises(InputError, match=r"^--sphere-at is '0,9e9', farther away than 1e\+07 m"):
+        parse_place("0,9e9", "sphere-at")
     assert parse_gate("30cm:") == (0.3, None)
     assert parse_gate(":4m") == (None, 4.0)
     assert parse_axis("-2m:2m:5mm", "x").tolist() == parse_axis("-2:2:0.005", "x").tolist()

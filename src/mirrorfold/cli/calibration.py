@@ -14,7 +14,7 @@ from mirrorfold.cli.options import Numbers, OptionalOutput, command, parse_numbe
 from mirrorfold.cli.terminal import progress, say, show_files, show_json
 from mirrorfold.cli.writing import netcdf_file, output_file, required
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
-from mirrorfold.common.units import Length, Memory
+from mirrorfold.common.units import FARTHEST, Length, Memory
 from mirrorfold.errors import InputError
 
 if TYPE_CHECKING:
@@ -338,12 +338,14 @@ def parse_place(text: str, name: str) -> tuple[float, ...]:
     Raises
     ------
     InputError
-        If the text is not two or three numbers.
+        If the text is not two or three numbers, or names a place that is impossibly far away.
     """
     form = "X,Y or X,Y,Z in metres or with units, for example 0,1.5 or 0,150cm"
     place = tuple(parse_numbers(text, name, form, "length", mark=","))
     if len(place) not in (2, 3):
         raise InputError(f"--{name} is {text!r}, expected {form}")
+    if max(map(abs, place)) > FARTHEST:
+        raise InputError(f"--{name} is {text!r}, farther away than {FARTHEST:g} m; expected {form}")
     return place
 
 
