@@ -118,6 +118,9 @@ def find_tree(
         reasons.leave_out()
         if searched:
             view = _told(view, reasons, corners)
+    if searched and settings.opaque:
+        seen = shown_at_last(order, echoes, seen, settings)
+        tree, sight = assign_echoes(order, seen)
     # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
     if rescattered.any():
         reasons.note(rescattered, SCATTERED)
@@ -222,11 +225,9 @@ def agreed(
 ) -> tuple[Order, Echoes]:
     """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
 
-    A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects. Echoes
-    that seemed to be objects, and turn out to be part of a wall, hide nothing any more.
+    A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects.
     """
     overhangs = Overhangs.nothing() if overhangs is None else overhangs
-    every, again = echoes, settings.opaque and known is None and not settings.published
     for _ in range(MAXIMUM_ROUNDS):
         tested, length = not settings.published, settings.minimum_length
         rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
@@ -246,13 +247,21 @@ def agreed(
             order = order_mirrors(kept, view, echoes, settings, walls)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
-            # What the first round hid behind echoes that are now part of a wall is looked at again, once.
-            anew = order_mirrors(order.mirrors, view, every, settings).seen(every) if again else seen
-            if np.array_equal(anew.visible, seen.visible):
-                break
-            seen, again = anew, False
+            break
         echoes = seen
     return order, seen
+
+
+def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSettings) -> Echoes:
+    """The echoes as `seen` in the end, and those that only an earlier round has hidden.
+
+    Part of a wall that was not found at first passed for an object, and hid what the wall shows there. Of all `echoes`,
+    as they were before the first round, those are visible that nothing hides but what is no wall in the last order.
+    """
+    anew = order_mirrors(order.mirrors, order.sight.view, echoes, settings).seen(echoes)
+    new = anew.visible & ~seen.visible
+    marks = {name: np.where(new, getattr(anew, name), getattr(seen, name)) for name in ("visible", "strong", "limit")}
+    return replace(seen, **marks)
 
 
 def ordered_again(view: View, echoes: Echoes, mirrors: Sequence[Mirror], settings: FoldSettings) -> Found:

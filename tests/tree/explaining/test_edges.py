@@ -69,6 +69,39 @@ def test_what_is_less_than_a_beam_before_the_end_may_be_of_an_object_beside_it(
     assert owners(view, places, amplitude) == (direct, mirrored)
 
 
+def test_the_foot_of_a_beam_does_not_reach_on(view):
+    """20 dB below what stands beside the mirror, and two beams away from it."""
+    places = [at(view, 2.9, each) for each in (-1.9, -0.5, 0.5, 1.4, 2.3)]
+    assert owners(view, places, [0.1, 0.3, 1.0, 1.0, 1.0]) == (5, 0)
+
+
+def owned(view, other, places, amplitude):
+    """How many object echoes are seen directly, by way of the mirror, and of another one."""
+    echoes = echoes_at(view, [[-0.8, 0.8], *places], np.append(1.0, amplitude))
+    settings = FoldSettings(minimum_length=0.1, wall_margin=0.02, opaque=False)
+    order = order_mirrors([MIRROR, other], view, echoes, settings)
+    tree, _ = assign_echoes(order, echoes)
+    return [len(tree.objects) - 1, *(len(node.objects) for node in tree.mirrors)]
+
+
+@pytest.mark.parametrize(("flank", "expected"), [(0.3, [0, 0, 4]), (3.0, [0, 1, 3])])
+def test_beside_the_end_another_mirror_may_show_the_object(view, flank, expected):
+    beside = LineMirror(np.array(at(view, 0.9, 0.2)), np.array(at(view, 0.9, 20.0)))
+    places = [at(view, 2.9, each) for each in (-0.5, 0.5, 1.4, 2.3)]
+    assert owned(view, beside, places, [flank, 1.0, 1.0, 1.0]) == expected
+
+
+@pytest.mark.parametrize(("flank", "expected"), [(0.3, [1, 0, 0]), (3.0, [0, 1, 0])])
+def test_a_wall_beside_the_end_appears_before_it_too(view, flank, expected):
+    """The mirror does not show what the wall's own row runs on to."""
+    wall = LineMirror(np.array(at(view, 2.9, 0.7)), np.array(at(view, 2.9, 20.0)))
+    places = [
+        at(view, 2.9, -0.7),
+        *(wall.start + share * (wall.end - wall.start) for share in np.linspace(0.0, 1.0, 40)),
+    ]
+    assert owned(view, wall, places, np.append(flank, np.ones(len(places) - 1))) == expected
+
+
 def test_what_stands_at_the_mirror_or_before_it_is_not_behind_it(view):
     near = [at(view, range_, 0.7) for range_ in (0.9, 1.14)]
     assert owners(view, near)[1] == 0

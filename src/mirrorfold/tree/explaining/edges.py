@@ -14,10 +14,14 @@ from mirrorfold.common.types import Index
 from mirrorfold.detection import Echoes, fold_of
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
+from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 BEHIND_CELLS = 1.5
 """Echoes at most this many range cells behind a mirror may be of the mirror itself."""
+
+FALLEN = 10.0 ** (-15.0 / 20.0)
+"""Amplitude, relative to the middle of a beam, to which a beam has fallen where echoes count as beside its object."""
 
 
 def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
@@ -55,22 +59,31 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
 def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     """As `beyond_ends`, for echoes that are seen by way of a mirror, less than a beam before its end, (n,).
 
-    Such an echo is assigned to the mirror's parent if the echoes beyond the end that it touches are brighter, and if no
-    echo of the same object is a beam or more before the end.
+    Such an echo is assigned to what is seen beside that end, by way of the mirror's parent or of a mirror before it, if
+    the echoes beyond the end that it touches are brighter, and if no echo of the same object is a beam or more before
+    the end, but for the foot of that beam. Beyond the end may also stand a wall, whose row seems to go on before it.
     """
     sight, view, corrected = order.sight, order.sight.view, owner.copy()
-    through = sight.seen_through(echoes.range, echoes.direction)
-    for side in view.beside(echoes.range, echoes.direction, STRONG_SHARE):
-        shown = sight.seen_through(echoes.range, side)
-        for mirror, parent in enumerate(sight.parent):
-            own = np.flatnonzero((owner == parent) | ((owner == mirror) & (through == mirror)))
-            before = owner[own] == mirror
-            beside = before & (shown[own] == parent)
-            if not beside.any():
-                continue
-            number = object_numbers(view, echoes.range[own], echoes.direction[own])
-            reaches_on = np.bincount(number, weights=before & ~beside) > 0.0
-            inside, beyond = (brightest_of(number, np.where(some, echoes.amplitude[own], 0.0))
-                              for some in (before, ~before))  # fmt: skip
-            corrected[own[beside & ((beyond > inside) & ~reaches_on)[number]]] = parent
+    through, of_wall = sight.seen_through(echoes.range, echoes.direction), order.shown_by(echoes)
+    of_wall[~(echoes.visible & echoes.strong) | (order.face < 0)] = UNSEEN
+    sides = view.beside(echoes.range, echoes.direction, STRONG_SHARE)
+    beside_in = [sight.seen_through(echoes.range, side) for side in sides]
+    for side, shown in zip(sides, beside_in, strict=True):
+        # What stands a little behind a wall beside the end is of that wall.
+        depth = echoes.range - np.append(sight.crossing, np.full((2, len(view.sight)), -np.inf), axis=0)[shown, side]
+        at_wall = (shown != through) & (depth <= BEHIND_CELLS * view.range_cell)
+        shown = np.where(at_wall, np.append(sight.parent, [UNSEEN, ROOT])[shown], shown)
+        for mirror in range(len(sight.parent)):
+            here = (owner == mirror) & (through == mirror)
+            near = np.logical_or.reduce([there == mirror for there in beside_in])
+            for other in np.unique(shown[here & (shown != mirror) & (shown != UNSEEN)]):
+                if other != ROOT and sight.parent[other] == mirror:  # beside the end of a mirror that is seen in this
+                    continue
+                own = np.flatnonzero((owner == other) | here | (near & (of_wall == other)))
+                before = owner[own] == mirror
+                beside = before & (shown[own] == other)
+                number = object_numbers(view, echoes.range[own], echoes.direction[own])
+                inside, beyond, far = (brightest_of(number, np.where(some, echoes.amplitude[own], 0.0))
+                                       for some in (before, ~before, before & ~beside))  # fmt: skip
+                corrected[own[before & ((beyond > inside) & (far <= FALLEN * beyond))[number]]] = other
     return corrected
