@@ -73,11 +73,12 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
         depth = echoes.range - np.append(sight.crossing, np.full((2, len(view.sight)), -np.inf), axis=0)[shown, side]
         at_wall = (shown != through) & (depth <= BEHIND_CELLS * view.range_cell)
         shown = np.where(at_wall, np.append(sight.parent, [UNSEEN, ROOT])[shown], shown)
-        for mirror in range(len(sight.parent)):
+        for mirror, parent in enumerate(sight.parent):
             here = (owner == mirror) & (through == mirror)
             near = np.logical_or.reduce([there == mirror for there in beside_in])
             for other in np.unique(shown[here & (shown != mirror) & (shown != UNSEEN)]):
-                if other != ROOT and sight.parent[other] == mirror:  # beside the end of a mirror that is seen in this
+                # Not beside the end of a mirror that is seen in this one. Beyond its own end, a curved one shows nothing.
+                if other not in (ROOT, parent) and (sight.parent[other] == mirror or order.mirrors[other].curvature):
                     continue
                 own = np.flatnonzero((owner == other) | here | (near & (of_wall == other)))
                 before = owner[own] == mirror
