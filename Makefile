@@ -37,7 +37,7 @@ $(UV) venv --quiet --clear --python '$(2)' $(1)
 $(UV) pip install --quiet --python $(1)/bin/python --resolution $(3) --upgrade --editable '.[test]'
 endef
 
-.PHONY: help demo test test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
+.PHONY: help demo test test-replays test-quick test-timing test-nightly test-lowest test-newest test-nojit lint bench bench-long
 .PHONY: coverage reproduced soak fuzz api docs clean
 .DEFAULT_GOAL := help
 
@@ -47,8 +47,11 @@ help: ## list the targets
 demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in demo/
 	$(VENV)/bin/mirrorfold demo --out demo
 
-test: $(READY) ## run all tests but those of measured times
-	$(PYTEST) -m "not timing"
+test: $(READY) ## run all tests but replays and those of measured times
+	$(PYTEST) -m "not replay and not timing"
+
+test-replays: $(READY) ## replay the published experiments at small size, the examples, and the guides
+	$(PYTEST) -m "replay and not timing"
 
 test-timing: $(READY) ## compare measured times, on an otherwise idle machine
 	$(PYTHON) -m pytest -m timing

@@ -33,6 +33,7 @@ def test_the_example_works_without_a_remark(verb, capsys, tmp_path, monkeypatch)
     assert "! " not in run(verb, capsys)
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_examples_work_one_after_the_other(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -178,6 +178,7 @@ def test_the_conda_recipe_asks_for_the_same_packages():
     assert recipe["about"]["summary"] == project["description"]
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 @pytest.mark.usefixtures("remembered_rays")
 def test_the_steps_can_be_called_one_by_one_as_the_page_on_architecture_says(capsys):

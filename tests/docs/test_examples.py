@@ -132,6 +132,7 @@ def test_every_example_is_looked_at():
     assert set(FINDINGS) == {path.stem for path in EXAMPLES}
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 @pytest.mark.usefixtures("remembered_rays")
 @pytest.mark.parametrize("name", FINDINGS)
@@ -141,6 +142,7 @@ def test_example(name, tmp_path, monkeypatch, capsys):
     FINDINGS[name](left, capsys.readouterr().out)
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_measured_example_on_measured_data(shared_data, tmp_path, monkeypatch, capsys):
     """The brightest point of the parking lot is where the data's description says."""

@@ -40,6 +40,7 @@ def test_the_guide_for_a_mimo_array(tmp_path, monkeypatch, capsys):
         assert np.hypot(x[column] - place[0], y[row] - place[1]) < 0.06
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_guide_for_a_raster_scanner(tmp_path, monkeypatch, capsys):
     """A wall where the page says that one is, and a ball that it shows."""

@@ -80,6 +80,7 @@ def follow(asked, capsys):
     return waited
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 @pytest.mark.timing
 def test_a_lab_need_not_wait_long(measured, capsys):
@@ -87,6 +88,7 @@ def test_a_lab_need_not_wait_long(measured, capsys):
     assert sum(waited.values()) < WAITING, waited
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_guide_for_a_network_analyser_ends_in_a_correct_picture(measured, capsys):
     truth, instrument = measured

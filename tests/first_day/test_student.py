@@ -30,6 +30,7 @@ def played(page, capsys, names):
     return took
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_quickstart_ends_in_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -44,6 +45,7 @@ def test_the_quickstart_ends_in_pictures(tmp_path, monkeypatch, capsys):
         assert mf.score(mf.load(path), truth)["hidden"]["f_score_2cm"] > 0.9
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_readme_runs_on_a_folder_of_touchstone_files(tmp_path, monkeypatch, capsys, scene_file):
     """`make demo` is the quickstart's first command; here is the rest, on a sweep of one's own."""

@@ -63,6 +63,7 @@ def test_a_sphere_calibrates_the_elements_through_their_horns(truth):
     assert abs(found.tx_delay.mean() + found.rx_delay.mean() - tx_delay.mean() - rx_delay.mean()) < 20e-6
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_calibration_makes_the_hidden_things_appear(truth):
     random = np.random.default_rng(1)

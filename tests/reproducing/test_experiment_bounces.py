@@ -11,7 +11,7 @@ from mirrorfold.reproducing.parts.zigzag import corridor, way
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.visibility import visible_truth
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

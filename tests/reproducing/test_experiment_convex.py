@@ -34,6 +34,7 @@ def test_the_ghost_obeys_the_law_of_reflection(radius):
     np.testing.assert_allclose(ghost, length * way, atol=1e-9)
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_point_moves_as_the_pencil_of_rays_says(found):
     np.testing.assert_allclose(found.data["growth"], found.data["growth_predicted"], rtol=0.01)
@@ -45,6 +46,7 @@ def test_the_point_moves_as_the_pencil_of_rays_says(found):
     assert found.numbers["ghost_error_largest_m"] < 1e-3
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_what_only_the_pillar_shows_is_folded(found):
     assert found.numbers["f_cells_curved"] > 0.9
@@ -52,6 +54,7 @@ def test_what_only_the_pillar_shows_is_folded(found):
     assert found.numbers["curvature_error_largest"] < 0.03
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_claims_say_what_the_numbers_say(found):
     view, cost, level, blind = found.claims

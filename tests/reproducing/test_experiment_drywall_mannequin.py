@@ -7,7 +7,7 @@ import pytest
 
 from mirrorfold.reproducing import EXPERIMENTS, Work
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from mirrorfold.reproducing import Findings, Work
 from mirrorfold.reproducing.experiments import errors
 from mirrorfold.reproducing.parts import hall
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from mirrorfold.reproducing.parts.quality_table import quality_table
 from mirrorfold.reproducing.parts.two_walls_family import MOST_RX, Setting, noise_power
 from mirrorfold.reproducing.work import Work
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 
 from mirrorfold.reproducing import EXPERIMENTS, Work
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 CELL = 0.035
 """Diagonal of the resolution cell [m]: 8 cm of aperture, 10 GHz, at a range of 2 m."""

@@ -7,7 +7,7 @@ import pytest
 
 from mirrorfold.reproducing import EXPERIMENTS, Work
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 SIZES = "150x200", "300x400"
 

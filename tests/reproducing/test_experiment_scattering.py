@@ -11,7 +11,7 @@ from mirrorfold.reproducing.findings import Findings
 from mirrorfold.reproducing.parts.window import MATERIALS, PAPER_ROUGHNESS, ROUGHNESSES, Window, reflected
 from mirrorfold.reproducing.work import Work
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

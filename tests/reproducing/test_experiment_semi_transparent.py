@@ -22,6 +22,7 @@ def test_bands_follow_fresnel():
     assert semi_transparent._band_of(np.radians([62.0]), 1).min() > 1.0
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_two_polarizations_decide_and_one_does_not(found):
     numbers = found.numbers
@@ -33,6 +34,7 @@ def test_two_polarizations_decide_and_one_does_not(found):
     assert numbers["passed_after_m"] < 0.85 * numbers["passed_before_m"]
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_claims_say_what_the_numbers_say(found):
     told, one, place, use = found.claims
@@ -42,6 +44,7 @@ def test_the_claims_say_what_the_numbers_say(found):
     assert f"{found.numbers['f_cells_published']:.2f} as published" in use.measured
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_data_hold_what_the_pictures_show(found):
     data = found.data

@@ -8,7 +8,7 @@ import pytest
 from mirrorfold.reproducing import EXPERIMENTS, Work
 from mirrorfold.reproducing.experiments.sparse import KINDS, METHODS
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

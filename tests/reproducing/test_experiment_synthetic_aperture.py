@@ -7,7 +7,7 @@ from mirrorfold.reproducing import Findings, Work
 from mirrorfold.reproducing.experiments import synthetic_aperture
 from mirrorfold.reproducing.parts.scenes import shipped_plan
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 
 @pytest.fixture(scope="module")

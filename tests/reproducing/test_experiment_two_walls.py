@@ -19,7 +19,7 @@ from mirrorfold.reproducing.parts.ghosts import ghosts_of, image_in, walls_of
 from mirrorfold.reproducing.parts.steps import folded_down_to, partial_folds
 from mirrorfold.reproducing.parts.walls import THINNED_RADAR, at_lower_band, facing_walls, hidden_walls
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.replay]
 
 CASES = "hidden_rays", "hidden_fullwave", "facing_rays"
 

@@ -88,6 +88,7 @@ diffuse_fraction = 1.0
 """
 
 
+@pytest.mark.replay
 @pytest.mark.slow
 def test_the_command_line_from_scene_to_cloud(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

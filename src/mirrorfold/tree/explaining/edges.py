@@ -77,7 +77,7 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             here = (owner == mirror) & (through == mirror)
             near = np.logical_or.reduce([there == mirror for there in beside_in])
             for other in np.unique(shown[here & (shown != mirror) & (shown != UNSEEN)]):
-                # Not beside the end of a mirror that is seen in this one. Beyond its own end, a curved one shows nothing.
+                # Not beside the end of a mirror that is seen in this one. Beyond its end, a curved one shows nothing.
                 if other not in (ROOT, parent) and (sight.parent[other] == mirror or order.mirrors[other].curvature):
                     continue
                 own = np.flatnonzero((owner == other) | here | (near & (of_wall == other)))
