@@ -257,7 +257,9 @@ def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSett
 
     Part of a wall that was not found at first passed for an object, and hid what the wall shows there. Of all `echoes`,
     as they were before the first round, those are visible that nothing hides but what is no wall in the last order.
+    Echoes that some round has found to be strong, behind a lossy mirror, are objects, too.
     """
+    echoes = replace(echoes, strong=echoes.strong | seen.strong)
     anew = order_mirrors(order.mirrors, order.sight.view, echoes, settings).seen(echoes)
     new = anew.visible & ~seen.visible
     marks = {name: np.where(new, getattr(anew, name), getattr(seen, name)) for name in ("visible", "strong", "limit")}
