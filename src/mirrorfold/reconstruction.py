@@ -264,7 +264,8 @@ class FoldPlan:
         given_count = None if mirrors is None else mirrors.count if isinstance(mirrors, FloorPlan) else len(mirrors)
         if isinstance(mirrors, FloorPlan):
             mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
-        from_above = depression(view, echoes) > STEEPEST and not settings.published
+        angle = depression(view, echoes)
+        from_above = angle > STEEPEST and not settings.published
         if not by_hand and (settings.generations == 0 or from_above):
             mirrors = check_mirrors([])  # no mirror is used, and no echo is taken for a ghost
         if mirrors is not None and settings.opaque and not from_above:
@@ -281,7 +282,9 @@ class FoldPlan:
             points = with_confidence(points, found, measured.confocal_share)
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
-        result = collect(self.image, found, points, settings, grid=grid, given=given_count)
+        result = collect(
+            self.image, found, points, settings, grid=grid, given=given_count, from_above=angle if from_above else None
+        )
         result.attrs |= {"preset": preset, "mirrors_given": by_hand}
         report(3, 3)
         return result

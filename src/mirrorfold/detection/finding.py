@@ -39,9 +39,9 @@ and in a volume."""
 
 STEEPEST = 26.6
 """Angle [degree] below the horizon at which the radar sees the scene, up to which its image is a floor plan in which
-mirrors are sought. A wall of height H hides, and shows in itself, what lies on the ground up to ``H / tan(angle)``
-behind it: here 2 H. Under steeper angles walls tower over the radar's path less than it passes over them, and rows of
-bright things, such as parked cars, are all that looks like a wall from above."""
+mirrors are sought. A wall of height H hides only what lies on the ground up to ``H / tan(angle)`` behind it, and shows
+as much of the ground in itself: here 2 H. What looks like a wall from higher up is a row of other bright things, such
+as parked cars."""
 
 Finder = Callable[..., Sequence[Mirror]]
 """A function that finds mirrors, with the arguments and the result of `find_mirrors`."""

@@ -12,7 +12,7 @@ import xarray as xr
 from mirrorfold import __version__
 from mirrorfold.common.chains import chain_name
 from mirrorfold.detection import Fold, Mirror
-from mirrorfold.detection.finding import STEEPEST, depression, example_mirror
+from mirrorfold.detection.finding import example_mirror
 from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
 from mirrorfold.folding.pictures import Grid, pictures
 from mirrorfold.folding.points import Points
@@ -34,6 +34,7 @@ def collect(
     *,
     grid: Grid | None = None,
     given: int | None = None,
+    from_above: float | None = None,
 ) -> xr.DataTree:
     """The folded scene as a Reconstruction, with the unfolded image and all settings.
 
@@ -52,6 +53,8 @@ def collect(
         as there are folded points; for a volume, a grid around all points.
     given : int, optional
         Number of mirrors, or of walls of a floor plan, that the user gave; None where mirrors were searched for.
+    from_above : float [degree], optional
+        Angle by which the radar looks down, if that is why no mirrors were searched for.
 
     Returns
     -------
@@ -68,7 +71,7 @@ def collect(
         "threshold": found.echoes.threshold,
         "reference": found.echoes.reference,
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
-        "remark": _remark(image, found, points, settings, given),
+        "remark": _remark(image, found, points, settings, given, from_above),
     }
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
@@ -81,7 +84,14 @@ def collect(
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 
 
-def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, given: int | None) -> str:
+def _remark(
+    image: xr.DataArray,
+    found: Found,
+    points: Points,
+    settings: FoldSettings,
+    given: int | None,
+    from_above: float | None,
+) -> str:
     """Why there is no mirror, unless none was wanted; with mirrors, in which of them the radar sees itself, and how
     many points lie near or beyond a caustic.
     """
@@ -100,10 +110,10 @@ def _remark(image: xr.DataArray, found: Found, points: Points, settings: FoldSet
     if not found.tree.mirrors:
         wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
         why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"
-        if (angle := depression(found.sight.view, found.echoes)) > STEEPEST and not settings.published:
+        if from_above is not None:
             why = (
-                f"the radar looks down by {angle:.0f} degrees, where a wall shows in itself only the ground at its "
-                "foot; give mirrors to fold all the same"
+                f"the radar looks down by {from_above:.0f} degrees, where a wall shows in itself only the ground at "
+                "its foot; give mirrors to fold all the same"
             )
         return f"no mirror was found: {why}; the scene is shown unfolded"
     own = found.explained.take(found.explanation == ITSELF)

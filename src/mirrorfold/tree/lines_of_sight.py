@@ -182,6 +182,11 @@ class LinesOfSight:
         return cls(view, nothing, np.empty(0, dtype=np.intp), Cover.nothing(len(view.sight)))
 
     @cached_property
+    def parent_of(self) -> Index:
+        """`parent` with two more entries, for the numbers `UNSEEN` and `ROOT`, which are their own."""
+        return np.append(self.parent, [UNSEEN, ROOT])
+
+    @cached_property
     def passages(self) -> tuple[Array, Index]:
         """Ranges [m] at which each line of sight meets mirrors, the nearest first, (depth, n); and the number of the
         mirror by way of which it sees on, before the first crossing and after each, (depth + 1, n).

@@ -65,9 +65,8 @@ class Order:
 
     def shown_by(self, echoes: Echoes) -> Index:
         """Number of the mirror by way of which each echo is seen, (n,); for echoes on a mirror, its parent."""
-        parent = np.append(self.sight.parent, [UNSEEN, ROOT])
         through = self.sight.seen_through(echoes.range, echoes.direction)
-        return np.where(self.face == ROOT, through, parent[self.face])
+        return np.where(self.face == ROOT, through, self.sight.parent_of[self.face])
 
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong`, and their `limit`, as they follow from this order."""

@@ -64,18 +64,20 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     the end, but for the foot of that beam. Beyond the end may also stand a wall, whose row seems to go on before it.
     """
     sight, view, corrected = order.sight, order.sight.view, owner.copy()
+    if not order.mirrors:
+        return corrected
     through, of_wall = sight.seen_through(echoes.range, echoes.direction), order.shown_by(echoes)
     of_wall[~(echoes.visible & echoes.strong) | (order.face < 0)] = UNSEEN
     sides = view.beside(echoes.range, echoes.direction, STRONG_SHARE)
-    beside_in = [sight.seen_through(echoes.range, side) for side in sides]
+    beside_in = np.array([sight.seen_through(echoes.range, side) for side in sides])
     for side, shown in zip(sides, beside_in, strict=True):
-        # What stands a little behind a wall beside the end is of that wall.
-        depth = echoes.range - np.append(sight.crossing, np.full((2, len(view.sight)), -np.inf), axis=0)[shown, side]
+        # What stands a little behind a wall beside the end is of that wall. `ROOT` and `UNSEEN` are their own parents.
+        depth = echoes.range - sight.crossing[shown, side]
         at_wall = (shown != through) & (depth <= BEHIND_CELLS * view.range_cell)
-        shown = np.where(at_wall, np.append(sight.parent, [UNSEEN, ROOT])[shown], shown)
+        shown = np.where(at_wall, sight.parent_of[shown], shown)
         for mirror, parent in enumerate(sight.parent):
             here = (owner == mirror) & (through == mirror)
-            near = np.logical_or.reduce([there == mirror for there in beside_in])
+            near = (beside_in == mirror).any(axis=0)
             for other in np.unique(shown[here & (shown != mirror) & (shown != UNSEEN)]):
                 # Not beside the end of a mirror that is seen in this one. Beyond its end, a curved one shows nothing.
                 if other not in (ROOT, parent) and (sight.parent[other] == mirror or order.mirrors[other].curvature):
