@@ -58,9 +58,9 @@ def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
 
     def measure(view: ImageView) -> Measured:
         return Measured(
-            explain=partial(misplaced, sweep=sweep, view=view, known=tested, waves=waves),
-            overhangs=partial(half_shadows, sweep=sweep, known=ends),
-            confocal_share=partial(confocal, sweep=sweep, view=view, known=tested),
+            explain=partial(misplaced, waves=waves, view=view, known=tested),
+            overhangs=partial(half_shadows, waves=waves, known=ends),
+            confocal_share=partial(confocal, waves=waves, view=view, known=tested),
             corners=partial(are_corners, waves=waves, view=view, known=tested),
         )
 

@@ -13,9 +13,11 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree.explaining import directions
-from mirrorfold.tree.explaining.directions import PHASE_SPREAD, _Aperture, confocal_share, direction_ratio, grating_lobe
+from mirrorfold.tree.explaining.apertures import Aperture, grating_lobe
+from mirrorfold.tree.explaining.directions import PHASE_SPREAD, confocal_share, direction_ratio
 from mirrorfold.tree.explaining.lobes import lobe_level
 from mirrorfold.tree.explaining.misplaced import MIXED, SMALLEST_DIRECTION_RATIO, Known, misplaced
+from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
 
 FREQUENCY = np.linspace(290e9, 300e9, 61)
@@ -62,9 +64,9 @@ def echoes_at(view, u):
 
 def ratio_of(tx, rx, leaves, arrives, u=None):
     """The ratio of one echo, tested in the middle between the sines of its two directions by default."""
-    sweep = sweep_of(tx, rx, (leaves, arrives))
+    waves = SweepWaves(sweep_of(tx, rx, (leaves, arrives)))
     middle = 0.5 * (leaves[0] + arrives[0]) / RANGE
-    return float(direction_ratio(sweep, view_of(tx, rx), np.array([RANGE]), np.array([middle if u is None else u]))[0])
+    return float(direction_ratio(waves, view_of(tx, rx), np.array([RANGE]), np.array([middle if u is None else u]))[0])
 
 
 def mixed_pair(degrees, middle=10.0, height=0.0):
@@ -114,7 +116,7 @@ class TestInvariance:
         # The view stays that of the radar: its middle is where the image was made around.
         sweeps = [sweep_of(*sides, (leaves, arrives)) for sides in ((tx, rx), (self.tx, self.rx))]
         place = np.array([RANGE]), np.array([0.5 * (leaves + arrives)[0]])
-        found, expected = (direction_ratio(sweep, view_of(self.tx, self.rx), *place) for sweep in sweeps)
+        found, expected = (direction_ratio(SweepWaves(sweep), view_of(self.tx, self.rx), *place) for sweep in sweeps)
         assert_allclose(found, expected, rtol=1e-4)
 
     def test_under_a_lift_of_array_and_echo(self, degrees):
@@ -139,7 +141,7 @@ def test_heights_of_the_elements_count():
     slope = np.array([[0.8, 0.0, 0.6]]) * line(81)[:, :1]
     place = at(0.0, range_=0.15)
     sweep = sweep_of(tx, slope, (place, place))
-    assert direction_ratio(sweep, view_of(tx, slope), np.array([0.15]), np.array([0.0]))[0] > 0.98
+    assert direction_ratio(SweepWaves(sweep), view_of(tx, slope), np.array([0.15]), np.array([0.0]))[0] > 0.98
 
 
 def test_two_echoes_at_one_range_are_told_apart():
@@ -150,12 +152,12 @@ def test_two_echoes_at_one_range_are_told_apart():
     view = view_of(tx, rx)
     echoes = echoes_at(view, u)
     known: Known = {}
-    assert_array_equal(misplaced(echoes, sweep, view, known), ["", MIXED])
+    assert_array_equal(misplaced(echoes, SweepWaves(sweep), view, known), ["", MIXED])
     measured = [(direction_ratio, RANGE, -0.4), (direction_ratio, RANGE, float(u[1]))]
     others = (lobe_level, wrapping_ratio)
     assert set(known) == {*measured, *((measure, *place[1:]) for place in measured for measure in others)}
     known[measured[0]] = 0.1  # a ratio that is known is not measured again
-    assert_array_equal(misplaced(echoes, sweep, view, known), [MIXED, MIXED])
+    assert_array_equal(misplaced(echoes, SweepWaves(sweep), view, known), [MIXED, MIXED])
 
 
 @pytest.mark.parametrize("lonely", ["tx", "rx"])
@@ -166,14 +168,14 @@ def test_nobody_is_accused_where_a_side_stands_at_one_place(lonely):
     sweep = sweep_of(tx, rx, (leaves, arrives))
     u = 0.5 * (leaves + arrives)[:1]
     view = view_of(tx, rx)
-    assert_array_equal(direction_ratio(sweep, view, np.array([RANGE]), u), 1.0)
+    assert_array_equal(direction_ratio(SweepWaves(sweep), view, np.array([RANGE]), u), 1.0)
 
 
 def test_frames_are_refused():
     tx, rx = line(5), line(5)
     sweep = sweep_of(tx, rx, (at(0.0), at(0.0))).expand_dims(frame=2)
     with pytest.raises(InputError, match=r"'frame', 'frequency', 'tx', 'rx'.*choose one frame"):
-        direction_ratio(sweep, view_of(tx, rx), np.array([RANGE]), np.array([0.0]))
+        direction_ratio(SweepWaves(sweep), view_of(tx, rx), np.array([RANGE]), np.array([0.0]))
 
 
 def hann(n):
@@ -185,13 +187,13 @@ def hann(n):
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0], [0.48, 0.6, 0.64]])
 def test_weights_are_hann_along_any_line(direction):
     position = 0.3 + line(41)[:, :1] * np.array([direction])
-    assert_allclose(_Aperture.of(position, WAVELENGTH).weight, hann(41), atol=2e-4)
+    assert_allclose(Aperture.of(position, WAVELENGTH).weight, hann(41), atol=2e-4)
 
 
 def test_weights_of_a_planar_array_follow_its_longer_side():
     x, z = np.meshgrid(np.arange(20) * 1e-3, np.arange(5) * 1e-3)
     position = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3)
-    weight = _Aperture.of(position, WAVELENGTH).weight.reshape(5, 20)
+    weight = Aperture.of(position, WAVELENGTH).weight.reshape(5, 20)
     assert_allclose(weight, np.broadcast_to(weight[0], (5, 20)), atol=1e-9)
     assert_allclose(weight[0], weight[0, ::-1], atol=1e-9)
     assert weight[0, 0] < 0.01 < 0.99 < weight[0, 9]
@@ -200,9 +202,9 @@ def test_weights_of_a_planar_array_follow_its_longer_side():
 def test_elements_at_one_place_share_its_weight():
     position = line(21)
     doubled = position[[*range(21), 4, 4, 20]]
-    weight, twice = _Aperture.of(position, WAVELENGTH).weight, _Aperture.of(doubled, WAVELENGTH).weight
+    weight, twice = Aperture.of(position, WAVELENGTH).weight, Aperture.of(doubled, WAVELENGTH).weight
     assert_allclose(np.bincount([*range(21), 4, 4, 20], weights=twice), weight, rtol=1e-12)
-    assert_allclose(_Aperture.of(np.full((4, 3), 0.2), WAVELENGTH).weight, 0.25)
+    assert_allclose(Aperture.of(np.full((4, 3), 0.2), WAVELENGTH).weight, 0.25)
 
 
 @pytest.mark.slow
@@ -236,7 +238,7 @@ def test_ratio_equals_the_sum_over_all_pairs(monkeypatch, spread, error):
             weight = taper[:, None, None] * hann(21)[:, None] * hann(31)
             levels.append(abs(np.sum(weight * sweep["s"].values.astype(complex) * phase)))
         expected.append(levels[-1] / max(levels))
-    assert_allclose(direction_ratio(sweep, view, np.full(3, RANGE), u), expected, rtol=error)
+    assert_allclose(direction_ratio(SweepWaves(sweep), view, np.full(3, RANGE), u), expected, rtol=error)
 
 
 def thinned(missing):
@@ -263,7 +265,7 @@ def test_the_ghost_in_a_grating_lobe_is_left_out_and_the_echo_stays(missing):
     antennas = thinned(missing)
     sweep, view = sweep_of(antennas, antennas, (at(-0.3), at(-0.3))), view_of(antennas, antennas)
     ghost = -0.3 + 2.0 / 3.0  # of places three half wavelengths apart
-    found = misplaced(echoes_at(view, np.array([-0.3, ghost])), sweep, view)
+    found = misplaced(echoes_at(view, np.array([-0.3, ghost])), SweepWaves(sweep), view)
     assert found[0] == ""
     assert missing is None or found[1] == MIXED
 
@@ -274,8 +276,8 @@ class TestConfocalShare:
     tx, rx = line(41, 0.5e-3), line(41, 0.5e-3, (0.0, 5e-3, 0.0))
 
     def share(self, *paths, u=0.1):
-        sweep = sweep_of(self.tx, self.rx, *paths)
-        return float(confocal_share(sweep, view_of(self.tx, self.rx), np.array([RANGE]), np.array([u]))[0])
+        waves = SweepWaves(sweep_of(self.tx, self.rx, *paths))
+        return float(confocal_share(waves, view_of(self.tx, self.rx), np.array([RANGE]), np.array([u]))[0])
 
     def rough(self, seed, spread=0.3, count=60):
         """Directions of objects all about an echo, at its range."""
@@ -301,11 +303,11 @@ class TestConfocalShare:
         assert np.mean(shares) < np.mean([self.share(*((p, p) for p in self.rough(3 * seed))) for seed in range(12)])
 
     def test_one_antenna_or_an_echo_too_near_tells_nothing(self):
-        sweep = sweep_of(self.tx, self.rx[:1], (at(0.1), at(0.1)))
-        assert np.isnan(confocal_share(sweep, view_of(self.tx, self.rx), np.array([RANGE]), np.array([0.1]))).all()
+        waves = SweepWaves(sweep_of(self.tx, self.rx[:1], (at(0.1), at(0.1))))
+        assert np.isnan(confocal_share(waves, view_of(self.tx, self.rx), np.array([RANGE]), np.array([0.1]))).all()
         near = 3.0 * float(np.ptp(self.tx[:, 0]))
-        sweep = sweep_of(self.tx, self.rx, (at(0.1, near), at(0.1, near)))
-        assert np.isnan(confocal_share(sweep, view_of(self.tx, self.rx), np.array([near]), np.array([0.1]))).all()
+        waves = SweepWaves(sweep_of(self.tx, self.rx, (at(0.1, near), at(0.1, near))))
+        assert np.isnan(confocal_share(waves, view_of(self.tx, self.rx), np.array([near]), np.array([0.1]))).all()
 
 
 @pytest.mark.nojit
@@ -333,7 +335,7 @@ def test_directions_are_the_same_from_windows_of_range_as_from_all_frequencies(m
     sweep = make_sweep(out @ out.swapaxes(1, 2), frequency=frequency, tx_position=tx, rx_position=rx)
     view, u = view_of(tx, rx), np.repeat([0.1, -0.4, 0.31, 0.2], 10)
     range_ = np.repeat([0.8, 1.3, 2.2, 2.5], 10) + np.tile(np.linspace(-5e-3, 5e-3, 10), 4)
-    found = direction_ratio(sweep, view, range_, u), confocal_share(sweep, view, range_, u)
+    found = direction_ratio(SweepWaves(sweep), view, range_, u), confocal_share(SweepWaves(sweep), view, range_, u)
     monkeypatch.setattr(directions, "WORTH_WINDOWS", np.inf)
-    assert_allclose(found[0], direction_ratio(sweep, view, range_, u), atol=2e-3)
-    assert_allclose(found[1], confocal_share(sweep, view, range_, u), atol=2e-3)
+    assert_allclose(found[0], direction_ratio(SweepWaves(sweep), view, range_, u), atol=2e-3)
+    assert_allclose(found[1], confocal_share(SweepWaves(sweep), view, range_, u), atol=2e-3)

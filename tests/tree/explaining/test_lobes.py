@@ -12,6 +12,7 @@ from mirrorfold.detection import find_echoes, see
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree.explaining.lobes import LOBE
 from mirrorfold.tree.explaining.misplaced import misplaced
+from mirrorfold.tree.explaining.waves import SweepWaves
 
 FREQUENCY = np.linspace(285e9, 295e9, 101)
 BRIGHT = np.array([0.3, 0.8, 0.0])
@@ -34,7 +35,7 @@ def made(missing, *points, pitch=0.5):
     grid = {"x": np.arange(-0.9, 0.9, 0.005), "y": np.arange(0.1, 1.1, 0.005)}
     view = see(mf.focus(sweep, **grid))
     echoes = find_echoes(view)
-    return view, echoes, misplaced(echoes, sweep, view) == LOBE
+    return view, echoes, misplaced(echoes, SweepWaves(sweep), view) == LOBE
 
 
 def near(view, echoes, place):

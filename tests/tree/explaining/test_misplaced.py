@@ -22,6 +22,7 @@ from mirrorfold.tree.explaining.misplaced import (
     known_ghosts,
     misplaced,
 )
+from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
 
 
@@ -39,6 +40,7 @@ def cells(view, range_, u):
 def test_verdicts_follow_from_the_ratios(view, monkeypatch, lobe):
     """Lobes and late echoes first; of the others those whose ratio is no larger than that of a ghost in a lobe."""
     monkeypatch.setattr(module, "grating_lobe", lambda sweep: lobe)
+    waves = SweepWaves(None)  # not asked, as all is known
     lobes = np.append(np.full(5, 0.5), 1.0)  # of echoes of amplitude one
     echoes = echoes_at(view, cells(view, np.full(6, 40.2), [0.2, 10.2, 20.2, 30.2, -10.2, -20.2]))
     least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * lobe)
@@ -48,27 +50,27 @@ def test_verdicts_follow_from_the_ratios(view, monkeypatch, lobe):
     known = {(measure, float(r), float(sine)): value
              for measure, values in ((lobe_level, lobes), (wrapping_ratio, wrapping), (direction_ratio, direction))
              for r, sine, value in zip(range_, u, values, strict=True) if np.isfinite(value)}  # fmt: skip
-    assert_array_equal(misplaced(echoes, None, view, known), ["", "", LATE, MIXED, "", LOBE])
-    assert not misplaced(echoes.take(np.zeros(6, dtype=bool)), None, view).size
+    assert_array_equal(misplaced(echoes, waves, view, known), ["", "", LATE, MIXED, "", LOBE])
+    assert not misplaced(echoes.take(np.zeros(6, dtype=bool)), waves, view).size
 
 
 def test_a_cell_is_measured_once_at_its_brightest_echo(view, monkeypatch):
     calls = []
 
-    def measured(sweep, view, range_, u):
+    def measured(waves, view, range_, u):
         calls.append(np.round(range_ / RANGE_CELL, 3).tolist())
         return 10.0 * range_ / RANGE_CELL
 
     monkeypatch.setattr(module, "confocal_share", measured)
     places, amplitude = cells(view, [40.1, 40.4, 40.7, 50.2], [5.2, 5.4, 5.6, 5.2]), np.array([1.0, 3.0, 2.0, 1.0])
-    known = {}
-    np.testing.assert_allclose(confocal(places, amplitude, None, view, known), [404.0, 404.0, 404.0, 502.0])
+    waves, known = SweepWaves(None), {}
+    np.testing.assert_allclose(confocal(places, amplitude, waves, view, known), [404.0, 404.0, 404.0, 502.0])
     assert calls == [[40.4, 50.2]]
     # One more cell: only that is measured.
     more = np.concatenate([places, cells(view, [60.3], [5.2])])
-    assert confocal(more, np.append(amplitude, 1.0), None, view, known)[-1] == pytest.approx(603.0)
+    assert confocal(more, np.append(amplitude, 1.0), waves, view, known)[-1] == pytest.approx(603.0)
     assert calls[1:] == [[60.3]]
-    assert not confocal(np.empty((0, 2)), np.empty(0), None, view, known).size
+    assert not confocal(np.empty((0, 2)), np.empty(0), waves, view, known).size
     assert len(calls) == 2
 
 

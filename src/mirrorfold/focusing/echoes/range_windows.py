@@ -75,7 +75,9 @@ class RangeWindows:
         return float(self._samples.nbytes / self._k.size * self._count)
 
     def transform(self) -> None:
-        """Make the profiles from which windows are cut; before this call, `window` returns the whole sweep."""
+        """Make the profiles from which windows are cut, once; before this call, `window` returns the whole sweep."""
+        if self._profile is not None:
+            return
         taper = self._taper.reshape(-1, *[1] * (self._samples.ndim - 1))
         padded = np.zeros((self._count, *self._samples.shape[1:]), dtype=np.complex64)
         np.multiply(self._samples, taper, out=padded[: self._k.size])

@@ -8,8 +8,6 @@ find that the echo arrives from another direction than that of this place.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -19,26 +17,15 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.phasor import unit_phasor
 from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import hann
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import antenna_positions, wavenumber
+from mirrorfold.tree.explaining.apertures import Aperture
+from mirrorfold.tree.explaining.waves import SweepWaves
 
 PHASE_SPREAD = 0.5
 """Largest phase by which any direction turns over a group of frequencies that are summed together [rad]."""
-
-SAME_PLACE = 1e-3
-"""Elements closer than this share of the shortest wavelength count as one place: their phases do not differ."""
-
-MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
-"""Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and the height, relative to the
-main lobe, from which on another lobe cannot be told from the main one."""
-
-BAND_SAMPLES, ABOVE_FULL = 9, 2.0
-"""Number of frequencies at which lobes are computed; and the least height of a lobe that counts, in side lobes of a
-full aperture, which are never taken for echoes."""
 
 OFFSETS = np.arange(-3, 4)
 """Directions around an echo in which its leaving and arriving energy is measured, in resolution cells."""
@@ -59,8 +46,8 @@ SAMPLES_A_CELL = 8
 LARGEST_OWN = 0.6
 """Largest h of `confocal_share`: where beams one to three cells apart share more, they do not tell directions apart."""
 
-CHUNK, LOBE_SAMPLES = 64, 1_000_000
-"""Numbers of points, and of phases of lobes, that are computed at once; bounds the memory."""
+CHUNK = 64
+"""Number of points that are computed at once; bounds the memory."""
 
 WORTH_WINDOWS = 32
 """Number of points from which on the sweep is cut into windows of range. The range profiles for that take as long as
@@ -76,90 +63,7 @@ def _phasors(phase: Array) -> NDArray[np.complex64]:
     return out
 
 
-class _Aperture(NamedTuple):
-    """The transmitters, or the receivers, with weights that lower the side lobes of bright glints.
-
-    The `weight` (n,) of elements at `position` (n, 3) [m] is a Hann window along the aperture's principal axis;
-    elements at the same place share its weight. `places` counts the different places, `centre` (3,) [m] is their mean.
-    """
-
-    position: Array
-    weight: Array
-    centre: Array
-    places: int
-
-    @classmethod
-    def of(cls, position: Array, wavelength: float) -> _Aperture:
-        """The aperture of elements at positions (n, 3) [m]; `wavelength` [m] says which of them coincide."""
-        distance = SAME_PLACE * wavelength
-        rounded, place, count = np.unique(np.rint(position / distance), axis=0, return_inverse=True, return_counts=True)
-        place, places = place.ravel(), rounded * distance
-        centre = places.mean(axis=0)
-        # `np.unique` sorts the places, so that the principal axis does not depend on the order of the elements.
-        along = (places - centre) @ _axis(places - centre)
-        # The window reaches half a mean pitch beyond the outermost places, so that none of them has the weight zero.
-        length = max(float(np.ptp(along)), distance)
-        margin = 0.5 * length / np.unique(np.rint(along / distance)).size
-        share = (along - along.min() + margin) / (np.ptp(along) + 2.0 * margin)
-        return cls(position, (np.sin(np.pi * share) ** 2 / count)[place], centre, count.size)
-
-    @property
-    def along(self) -> Array:
-        """Places of the elements along the principal axis, from the centre, (n,) [m]."""
-        offset = self.position - self.centre
-        return np.asarray(offset @ _axis(offset))
-
-    def beam(self, k: float, sine: Array) -> Array:
-        """Amplitude of the beam, relative to its peak, in directions whose u differs from its own by `sine`, (m,)."""
-        along = self.along
-        parts = np.array_split(sine, 1 + sine.size * along.size // LOBE_SAMPLES)  # bounds the memory
-        level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ self.weight) for part in parts])
-        return np.asarray(level / self.weight.sum())
-
-
-def _axis(offset: Array) -> Array:
-    """The principal axis of positions (n, 3) about their centre, a unit vector."""
-    return np.asarray(np.linalg.svd(offset, full_matrices=False)[2][0])
-
-
-def _apertures(sweep: xr.Dataset) -> list[_Aperture]:
-    """The transmitters and the receivers of a sweep."""
-    shortest = 2.0 * np.pi / float(wavenumber(sweep)[-1])
-    return [_Aperture.of(position, shortest) for position in antenna_positions(sweep)]
-
-
-def grating_lobe(sweep: xr.Dataset) -> float:
-    """Height of the receivers' largest grating lobe, relative to the main lobe; zero if there is none.
-
-    A ghost where such a lobe shows an echo has this `direction_ratio`. Lobes nearly as high as the main lobe do not
-    count, such as those of antennas more than a wavelength apart: they cannot be told from it.
-    """
-    aperture = _apertures(sweep)[1]
-    k = float(wavenumber(sweep).mean())
-    length = float(np.ptp(aperture.along)) * k / (2.0 * np.pi)  # in wavelengths
-    if length < 1.0:
-        return 0.0
-    level = aperture.beam(k, np.arange(MAIN_LOBE / length, 2.0 * LARGEST_SINE, 0.5 / length))
-    lobes = level[1:-1][(level[1:-1] >= level[:-2]) & (level[1:-1] >= level[2:])]
-    return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
-
-
-def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
-    """Amplitude, relative to an echo, of its lobe in the image at directions whose u differs by `sine`, (n,).
-
-    This is the product of the beams of both apertures, unweighted, as in an image all antennas count alike. The largest
-    product over the band is taken, for grating lobes wander with the wavelength. It is set to zero where it is not well
-    above the side lobes of full apertures of the same lengths L in wavelengths, ``1 / (pi L u)`` for each aperture.
-    """
-    sides, k = [side._replace(weight=np.ones(len(side.position))) for side in _apertures(sweep)], wavenumber(sweep)
-    some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
-    level = np.max([np.prod([side.beam(one, sine) for side in sides], axis=0) for one in some], axis=0)
-    lengths = [float(np.ptp(side.along)) * some[0] / (2.0 * np.pi) for side in sides]
-    full = np.prod([1.0 / np.maximum(np.pi * length * np.abs(sine), 1.0) for length in lengths], axis=0)
-    return np.where(level > ABOVE_FULL * full, level, 0.0)
-
-
-def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+def direction_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
     """How much of each echo, at ranges [m] and u, (n,) each, arrives from the direction in which it left: 0 to 1, (n,).
 
     Let ``B(u, u')`` be the sum over transmitters, focused on a point at range r in direction u, and over receivers,
@@ -173,17 +77,17 @@ def direction_ratio(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array)
     InputError
         If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
-    if min(aperture.places for aperture in _apertures(sweep)) < 2:
+    if min(aperture.places for aperture in waves.apertures) < 2:
         return np.ones(range_.size)
     # Steps of half the beam width of the receivers.
     beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
     ring = np.broadcast_to(np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1), (range_.size, 2 * beams + 1))
-    level = _bistatic(sweep, view, range_, u[:, None], np.column_stack([ring, u]))[..., 0]
+    level = _bistatic(waves, view, range_, u[:, None], np.column_stack([ring, u]))[..., 0]
     return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
 
 
 def amplitude_at(
-    sweep: xr.Dataset, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], received: NDArray[np.bool_]
+    waves: SweepWaves, view: ImageView, range_: Array, u: Array, sent: NDArray[np.bool_], received: NDArray[np.bool_]
 ) -> Array:
     """Mean amplitude of echoes at ranges [m] and u, (n,) each, focused with some of the antennas only, (n,).
 
@@ -194,12 +98,12 @@ def amplitude_at(
     InputError
         If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
-    level = _bistatic(sweep, view, range_, u[:, None], u[:, None], (sent, received))[:, 0, 0]
-    tx, rx = (aperture.weight for aperture in _apertures(sweep))
+    level = _bistatic(waves, view, range_, u[:, None], u[:, None], (sent, received))[:, 0, 0]
+    tx, rx = (aperture.weight for aperture in waves.apertures)
     return np.asarray(level / ((sent @ tx) * (received @ rx)))
 
 
-def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) -> Array:
+def confocal_share(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
     """Share of the energy around echoes at ranges [m] and u, (n,) each, that came back the way it went: 0 to 1, (n,).
 
     A wave that scatters once, at one place, returns from the direction in which it was sent. A wave that scatters at
@@ -216,22 +120,22 @@ def confocal_share(sweep: xr.Dataset, view: ImageView, range_: Array, u: Array) 
     InputError
         As `direction_ratio`.
     """
-    sides, share = _apertures(sweep), np.full(range_.size, np.nan)
-    own = _beams_alone(sides, float(wavenumber(sweep).mean()), view.u_cell)
+    sides, share = waves.apertures, np.full(range_.size, np.nan)
+    own = _beams_alone(sides, float(wavenumber(waves.sweep).mean()), view.u_cell)
     length = max(float(np.linalg.norm(np.ptp(aperture.position, axis=0))) for aperture in sides)
     far = range_ >= NEAREST_LENGTHS * length
     if own > LARGEST_OWN or not far.any():
         return share
     most = LARGEST_SINE - OFFSETS[-1] * view.u_cell
     around = np.clip(u[far], -most, most)[:, None] + OFFSETS * view.u_cell
-    power = _bistatic(sweep, view, range_[far], around, around) ** 2
+    power = _bistatic(waves, view, range_[far], around, around) ** 2
     same, apart = power[:, SAME].mean(axis=1), power[:, APART].mean(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         share[far] = np.clip((1.0 - apart / same) / (1.0 - own), 0.0, 1.0)
     return share
 
 
-def _beams_alone(sides: list[_Aperture], k: float, u_cell: float) -> float:
+def _beams_alone(sides: list[Aperture], k: float, u_cell: float) -> float:
     """The ratio h of `confocal_share`: the intensity A / D of the echo of a rough surface, at most one.
 
     Such a surface returns each direction with a random phase of its own, so that intensities add: h follows from how
@@ -254,20 +158,14 @@ def _group_size(k: Array, spread: float) -> int:
     return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
 
 
-def _windows(sweep: xr.Dataset) -> RangeWindows:
-    """The samples of a sweep (frequency, tx, rx) under a Hann taper, ready to be gated to the ranges of echoes."""
-    k = wavenumber(sweep)
-    return RangeWindows(k, sweep["s"].values, hann(k.size))
-
-
 def bytes_at_once(sweep: xr.Dataset) -> float:
     """Memory [bytes] that this module takes for a sweep.
 
     It is taken by the range profiles, and by the work of all cores together: windows of the profiles, phasors of the
     transmitters, and the fields at the receivers.
     """
-    k, (tx, rx) = wavenumber(sweep), antenna_positions(sweep)
-    radar, windows = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0)), _windows(sweep)
+    k, (tx, rx), windows = wavenumber(sweep), antenna_positions(sweep), SweepWaves(sweep).range_windows
+    radar = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
     reach = [float(np.linalg.norm(side - radar, axis=1).max()) for side in (tx, rx)]
     groups = np.ceil(k.size / _group_size(k, reach[1]))
     count = windows.frequencies(0.0, 2.0 * sum(reach))
@@ -316,7 +214,7 @@ def _receive(places, receivers, r, turns, field, out):  # type: ignore[no-untype
 
 
 def _bistatic(
-    sweep: xr.Dataset,
+    waves: SweepWaves,
     view: ImageView,
     range_: Array,
     sent: Array,
@@ -333,16 +231,16 @@ def _bistatic(
     InputError
         If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
-    data = sweep["s"]
+    data = waves.sweep["s"]
     if data.dims != ("frequency", "tx", "rx"):
         wanted = "expected (frequency, tx, rx); choose one frame or polarization"
         raise InputError(f"sweep: s has the dimensions {data.dims}, {wanted}")
-    tx, rx = _apertures(sweep)
+    tx, rx = waves.apertures
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
     spread = [float(np.linalg.norm(side.position - radar, axis=1).max()) for side in (tx, rx)]
     receivers = np.ascontiguousarray((rx.position - radar).T, dtype=np.float32)
-    windows = _windows(sweep)
+    windows = waves.range_windows
     if range_.size * sent.shape[1] >= WORTH_WINDOWS:
         windows.transform()
 

@@ -14,14 +14,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import xarray as xr
 
 from mirrorfold.common.geometry import crossing, unit
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror, View
-from mirrorfold.sweep import antenna_positions
 from mirrorfold.tree.explaining.directions import amplitude_at
 from mirrorfold.tree.explaining.edges import BEHIND_CELLS
+from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.ordering import Order
 
 OVERHANG_COLUMNS = "beyond_start", "beyond_end"
@@ -77,7 +76,7 @@ class Overhangs:
         return replace(mirror, overhang=(float(first), float(last)))
 
 
-def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) -> Overhangs:
+def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) -> Overhangs:
     """The overhangs of the mirrors of an order, from which antennas receive which echoes.
 
     Parameters
@@ -85,14 +84,14 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
     order : Order
     echoes : Echoes
         The echoes that the order was found with.
-    sweep : xarray.Dataset
+    waves : SweepWaves
         Of several transmitters and receivers.
     known : dict
         Measurements of earlier calls; those of this call are added.
     """
     view = order.sight.view
     overhangs = Overhangs.nothing()
-    if not isinstance(view, ImageView) or min(map(len, antenna_positions(sweep))) < 2:
+    if not isinstance(view, ImageView) or min(len(side.position) for side in waves.apertures) < 2:
         return overhangs
     shown_by = order.shown_by(echoes)
     asked = np.zeros(len(echoes), dtype=bool)
@@ -106,7 +105,7 @@ def half_shadows(order: Order, echoes: Echoes, sweep: xr.Dataset, known: Known) 
         behind = mirror.behind(view, echoes.position) > BEHIND_CELLS * view.range_cell
         own = asked & beside & behind & (order.face != index)
         for end, far_end in (mirror.ends, mirror.ends[::-1]):
-            outside, excess = _in_half_shadow(echoes.take(own), view, end, end - far_end, sweep, known)
+            outside, excess = _in_half_shadow(echoes.take(own), view, end, end - far_end, waves, known)
             reach = 0.5 * view.cell_at(end)
             length = max(_overhang(outside, excess > 0.0, reach), -0.5 * mirror.size)
             if length != 0.0:
@@ -121,12 +120,12 @@ def _beyond(start: Array, places: Array, end: Array, outward: Array) -> Array:
 
 
 def _in_half_shadow(
-    echoes: Echoes, view: ImageView, end: Array, outward: Array, sweep: xr.Dataset, known: Known
+    echoes: Echoes, view: ImageView, end: Array, outward: Array, waves: SweepWaves, known: Known
 ) -> tuple[Array, Array]:
     """For each echo in the half-shadow of an end that is clearly stronger at one group of antennas: how far beyond the
     end its line of sight passes [m], and how much stronger the antennas that look into the mirror receive it [dB].
     """
-    tx, rx = (_beyond(antennas[:, :2], echoes.position, end, outward) for antennas in antenna_positions(sweep))
+    tx, rx = (_beyond(side.position[:, :2], echoes.position, end, outward) for side in waves.apertures)
     share = np.stack([(side <= 0.0).mean(axis=1) for side in (tx, rx)])
     inside = ((share >= LEAST_SHARE) & (share <= 1.0 - LEAST_SHARE)).all(axis=0)
     half = np.flatnonzero(inside & (_zones(view, echoes.range, end) >= LEAST_ZONES))
@@ -136,7 +135,7 @@ def _in_half_shadow(
     if new.size:
         looks = [side[half[new]] <= 0.0 for side in (tx, rx)]
         groups = looks, [~side for side in looks]
-        into, past = (amplitude_at(sweep, view, range_[new], u[new], *sides) for sides in groups)
+        into, past = (amplitude_at(waves, view, range_[new], u[new], *sides) for sides in groups)
         tiny = np.finfo(float).tiny
         known |= {where[i]: level for i, level in zip(new, 20.0 * np.log10((into + tiny) / (past + tiny)), strict=True)}
     excess = np.array([known[place] for place in where])

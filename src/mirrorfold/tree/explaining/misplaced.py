@@ -7,17 +7,16 @@ in each resolution cell, at its brightest echo, and remembered.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, View
 from mirrorfold.detection.echoes import strongest_of
+from mirrorfold.tree.explaining.apertures import grating_lobe
 from mirrorfold.tree.explaining.corners import corner_ratio
-from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio, grating_lobe
+from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio
 from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
 from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
@@ -41,27 +40,24 @@ LIKE_A_CORNER = 1.1
 """Least `corner_ratio` of a right-angled corner. Of 152 bright echoes in 18 sweeps, the vertices of corners had 1.23 to
 1.47, all others at most 1.04."""
 
-Measure = Callable[[Any, ImageView, Array, Array], Array]
-"""Measures echoes of a view, at ranges [m] and u, (n,) each, by the samples of a sweep or by its waves, (n,)."""
+Measure = Callable[[SweepWaves, ImageView, Array, Array], Array]
+"""Measures echoes of a view, at ranges [m] and u, (n,) each, by the waves of a sweep, (n,)."""
 Known = dict[tuple[Measure, float, float], float]
 
 
-def misplaced(
-    echoes: Echoes, sweep: xr.Dataset, view: ImageView, known: Known | None = None, waves: SweepWaves | None = None
-) -> Names:
+def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known | None = None) -> Names:
     """Why echoes of a view come from elsewhere than they are seen, (n,): `LOBE`, `LATE`, `MIXED`, or "" if they do not.
 
-    `known` holds the measurements of earlier calls, by range [m] and u; those of this call are added. `waves` are those
-    of the sweep, if they are known.
+    `known` holds the measurements of earlier calls, by range [m] and u; those of this call are added.
     """
-    known, waves = {} if known is None else known, waves or SweepWaves(sweep)
+    known = {} if known is None else known
     claimed = 10.0 ** (MARGIN_DB / 20.0) * _once_a_cell(lobe_level, *_seen(echoes), waves, view, known)
     beside = echoes.amplitude <= claimed
     late = _once_a_cell(wrapping_ratio, *_seen(echoes), waves, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
     rest = echoes.take(~(late | beside))
-    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(sweep))
-    mixed[~(late | beside)] = _once_a_cell(direction_ratio, *_seen(rest), sweep, view, known) < least
+    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(waves.sweep))
+    mixed[~(late | beside)] = _once_a_cell(direction_ratio, *_seen(rest), waves, view, known) < least
     return np.select([beside, late, mixed], [LOBE, LATE, MIXED], "")
 
 
@@ -71,9 +67,9 @@ def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) 
     return np.where(distance <= GHOST_CELLS, explanation[nearest], "")
 
 
-def confocal(position: Array, amplitude: Array, sweep: xr.Dataset, view: ImageView, known: Known) -> Array:
+def confocal(position: Array, amplitude: Array, waves: SweepWaves, view: ImageView, known: Known) -> Array:
     """`confocal_share` of echoes at positions (n, 2) [m] of the image, measured once in each resolution cell, (n,)."""
-    return _once_a_cell(confocal_share, position, amplitude, sweep, view, known)
+    return _once_a_cell(confocal_share, position, amplitude, waves, view, known)
 
 
 def are_corners(position: Array, waves: SweepWaves, view: ImageView, known: Known) -> Mask:
@@ -96,9 +92,9 @@ def _seen(echoes: Echoes) -> tuple[Array, Array]:
 
 
 def _once_a_cell(
-    measure: Measure, position: Array, amplitude: Array, by: xr.Dataset | SweepWaves, view: ImageView, known: Known
+    measure: Measure, position: Array, amplitude: Array, waves: SweepWaves, view: ImageView, known: Known
 ) -> Array:
-    """The result of a `measure` of echoes `by` a sweep, (n,), once in each resolution cell, at its brightest echo."""
+    """The result of a `measure` of echoes by waves, (n,), once in each resolution cell, at its brightest echo."""
     range_, u = view.to_polar(position)
     cells = view.in_cells(position).T.astype(np.intp)
     cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
@@ -106,5 +102,5 @@ def _once_a_cell(
     where = [(measure, r, sine) for r, sine in zip(range_[brightest].tolist(), u[brightest].tolist(), strict=True)]
     if new := [place for place in where if place not in known]:
         range_, sine = np.array([place[1:] for place in new]).T
-        known |= dict(zip(new, measure(by, view, range_, sine).tolist(), strict=True))
+        known |= dict(zip(new, measure(waves, view, range_, sine).tolist(), strict=True))
     return np.array([known[place] for place in where])[cell]

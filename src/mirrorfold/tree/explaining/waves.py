@@ -13,10 +13,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array, Index
+from mirrorfold.common.windows import hann
 from mirrorfold.detection import ImageView
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
+from mirrorfold.focusing.echoes.range_windows import RangeWindows
+from mirrorfold.sweep import wavenumber
 from mirrorfold.sweep.pairs import Pairs, pairs_of
-from mirrorfold.tree.explaining.directions import beside_main_lobe
+from mirrorfold.tree.explaining.apertures import Aperture, apertures, beside_main_lobe
 
 PAIRS = 1000, 8000
 """Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
@@ -79,21 +82,36 @@ class Waves:
 
 
 class SweepWaves:
-    """The waves of a sweep by as many of its pairs as are asked for, and the lobes of its antennas; each made once.
+    """What the tests of echoes need of a sweep: its apertures, its range profiles and its waves; each is made once.
 
     Parameters
     ----------
     sweep : xarray.Dataset
         A sweep of pairs, s(frequency, tx, rx).
+
+    Attributes
+    ----------
+    sweep : xarray.Dataset
     """
 
     def __init__(self, sweep: xr.Dataset) -> None:
-        self._sweep, self._made, self._lobes = sweep, dict[int, Waves](), np.empty(0)
+        self.sweep, self._made, self._lobes = sweep, dict[int, Waves](), np.empty(0)
+
+    @cached_property
+    def apertures(self) -> list[Aperture]:
+        """The transmitters and the receivers."""
+        return apertures(self.sweep)
+
+    @cached_property
+    def range_windows(self) -> RangeWindows:
+        """The samples under a Hann taper, ready to be gated to the ranges of echoes."""
+        k = wavenumber(self.sweep)
+        return RangeWindows(k, self.sweep["s"].values, hann(k.size))
 
     @cached_property
     def pairs(self) -> Pairs:
         """All pairs of the sweep."""
-        return pairs_of(self._sweep)
+        return pairs_of(self.sweep)
 
     @property
     def counts(self) -> list[int]:
@@ -110,7 +128,7 @@ class SweepWaves:
     def lobes(self, view: ImageView) -> Array:
         """Amplitude of an echo's lobes at distances in u from zero to the width of the view, see `beside_main_lobe`."""
         if not self._lobes.size:
-            self._lobes = beside_main_lobe(self._sweep, view.u - view.u[0])
+            self._lobes = beside_main_lobe(self.sweep, view.u - view.u[0])
         return self._lobes
 
 
