@@ -46,6 +46,21 @@ def test_what_stands_at_the_end_of_a_wall_does_not_turn_it(monkeypatch):
     assert errors(look(*scene)[2][0], start, end)[0] > 2.0 * angle
 
 
+@pytest.mark.parametrize(("level", "whole"), [(-8.0, True), (-22.0, False)])
+@pytest.mark.parametrize("first", [False, True], ids=["beyond its end", "before its start"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wall_goes_on_only_where_its_row_is_not_too_faint(seed, first, level, whole):
+    """Walls fade slowly; what is 20 dB fainter from one cell to the next is something else."""
+    start, end = wall_at(np.array([0.2, 1.3]), 20.0, 0.8)
+    if first:
+        start, end = end, start
+    middle, faint = start + 0.6 * (end - start), 10.0 ** (level / 20.0)
+    view, echoes, _ = look(*together(diffuse(start, middle, seed), diffuse(middle, end, 9 + seed, strength=faint)))
+    along = (echoes.position - start) @ (end - start) / 0.8
+    (mirror,) = find_mirrors(view, replace(echoes, strong=echoes.strong & (along < 0.48)))
+    assert mirror.length == pytest.approx(0.8 if whole else 0.48, abs=0.06)
+
+
 @pytest.mark.parametrize("both", [False, True], ids=["one end", "both ends"])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_long_wall_is_told_from_what_goes_on_a_quarter_of_a_cell_beside_it(seed, both):

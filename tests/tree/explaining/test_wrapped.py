@@ -17,7 +17,7 @@ from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.explaining import waves
 from mirrorfold.tree.explaining.misplaced import LARGEST_WRAPPING_RATIO, LATE
 from mirrorfold.tree.explaining.waves import SweepWaves
-from mirrorfold.tree.explaining.wrapped import wrapping_ratio
+from mirrorfold.tree.explaining.wrapped import MOST_PERIODS, wrapping_ratio
 
 
 @pytest.mark.slow
@@ -25,14 +25,14 @@ from mirrorfold.tree.explaining.wrapped import wrapping_ratio
 @pytest.mark.parametrize("behind", [0.0, 0.02])
 @pytest.mark.parametrize("range_", [0.35, 0.6])
 def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range_):
-    """Points, flat faces and corners, near ones and those from one ambiguous range farther away."""
+    """Points, flat faces and corners, near ones and those from one, two or three ambiguous ranges farther away."""
     u = -0.3
     tx, rx = array(), array(behind)
     view = view_of(tx, rx)
-    for far in (False, True):
-        sweep = sweep_of([shape(range_ + far * PERIOD, u, tx, rx)], tx, rx)
+    for periods in range(4):
+        sweep = sweep_of([shape(range_ + periods * PERIOD, u, tx, rx)], tx, rx)
         ratio = wrapping_ratio(SweepWaves(sweep), view, np.array([range_]), np.array([u]))
-        assert ratio[0] > 2.0 if far else ratio[0] < 0.6
+        assert ratio[0] > 2.0 if periods else ratio[0] < 0.6
 
 
 @pytest.mark.slow
@@ -115,12 +115,18 @@ def test_both_distances_are_tried_in_all_directions_that_the_error_of_focus_spre
     # A spike in every pair at the path of the echo, so that the window shows where it was cut out.
     path = np.full((len(tx), len(rx)), 2.0 * range_)
     wrapping_ratio(SweepWaves(sweep_of([path], tx, rx)), view_of(tx, rx), np.array([range_]), np.array([u]))
-    assert [shape for shape, *_ in asked] == [waves.POINT, waves.FACE, waves.CORNER] * 2
-    assert_allclose([distance for _, distance, *_ in asked], np.repeat([range_ + PERIOD, range_], 3))
+    *late, own = [distance for _, distance, *_ in asked[::3]]
+    assert [shape for shape, *_ in asked] == [waves.POINT, waves.FACE, waves.CORNER] * (len(late) + 1)
     wavelength = speed_of_light / BAND.mean()
     # From the middle of both arrays, half-way between them.
     cell, reach = 0.5 * wavelength / np.ptp(tx[:, 0]), np.hypot(np.abs(tx[:, 0]).max(), 0.01)
-    spread = reach * (1.0 / range_ - 1.0 / (range_ + PERIOD)) + cell
+    assert own == pytest.approx(range_)
+    assert late[0] == pytest.approx(range_ + PERIOD)
+    assert_allclose((np.array(late) - range_) / PERIOD, np.rint((np.array(late) - range_) / PERIOD))
+    # Waves bend apart by a quarter of a wavelength from one to the next, over both antennas half of that each.
+    assert (np.diff(1.0 / np.array(late)) * reach**2 < -0.25 * wavelength).all()
+    assert len(late) <= MOST_PERIODS
+    spread = reach * (1.0 / range_ - 1.0 / late[-1]) + cell
     for *_, directions, window in asked:
         expected = np.clip([u - spread, u + spread], -LARGEST_SINE, LARGEST_SINE)
         assert_allclose(directions[[0, -1]], expected, rtol=1e-6)

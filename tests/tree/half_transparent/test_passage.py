@@ -108,6 +108,12 @@ def test_what_stands_before_a_wall_and_seems_to_behind_was_reflected():
     assert guess_transparent(found, view, found.echoes, full_pass=again) is found
 
 
+def test_what_folds_onto_the_face_of_another_wall_is_that_wall():
+    along = np.array([0.15, 0.02])
+    found, node, view, _ = find((LEFT - along, LEFT + along), objects=[SHOWN])
+    np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], 1.0 - GUESS)
+
+
 def test_an_object_at_both_places_tells_nothing():
     found, node, view, _ = find(ABOVE, objects=[SHOWN, LEFT])
     np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], UNDECIDED)

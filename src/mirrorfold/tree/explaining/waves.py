@@ -42,6 +42,7 @@ class Waves:
 
     Attributes
     ----------
+    wavelength : float [m]
     period : float [m]
         The ambiguous range.
     reach : float [m]
@@ -57,6 +58,7 @@ class Waves:
         self._carrier = self._centre - float(pairs.wavenumber[0])
         self._axes = tuple(np.append(axis, 0.0) for axis in (view.along, view.broadside))
         places = np.concatenate([pairs.tx, pairs.rx])
+        self.wavelength = 2.0 * np.pi / self._centre
         self.period = 0.5 * self._profile.shape[1] * self._step
         self.reach = float(np.linalg.norm(places, axis=1).max())
         self.cell = np.pi / max(self._centre * float(np.ptp(places @ self._axes[0])), 1.0)

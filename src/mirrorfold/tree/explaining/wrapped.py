@@ -1,9 +1,9 @@
 """Echoes from beyond the ambiguous range, found by the curvature of their waves.
 
-Equal steps of frequency cannot tell the range r of an echo from r + P, with P the ambiguous range: a late echo stands
-in the image at r, where nothing is. But its waves have the curvature of waves from r + P. The places of transmitter and
-receiver lengthen the path by way of a point, a flat face or a corner at the distance rho by amounts that depend on rho.
-So each echo is compared with waves from r and with waves from r + P.
+Equal steps of frequency cannot tell the range r of an echo from r + P, r + 2 P and so on, with P the ambiguous range: a
+late echo stands in the image at r, where nothing is. But its waves have the curvature of waves from farther away. The
+places of transmitter and receiver lengthen the path by way of a point, a flat face or a corner at the distance rho by
+amounts that depend on rho. So each echo is compared with waves from r and with waves from r + P, r + 2 P, ...
 """
 
 from __future__ import annotations
@@ -23,13 +23,21 @@ random coherences stays below."""
 DIRECTION_STEP = 0.5
 """Step between the directions that are tried, in resolution cells of the array."""
 
+MOST_PERIODS = 4
+"""Largest number of ambiguous ranges by which echoes are taken to be late: between two walls that face each other, the
+third is still strong."""
+
+DEPTH_OF_FOCUS = 0.25
+"""Waves from two distances can be told apart if their paths to the ends of the array differ by more than this many
+wavelengths (Rayleigh's limit: Born and Wolf, Principles of Optics, 7th ed., 9.3)."""
+
 
 def wrapping_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
-    """How much better echoes at ranges [m] and u, (n,) each, fit waves from one ambiguous range farther away, (n,).
+    """How much better echoes at ranges [m] and u, (n,) each, fit waves from ambiguous ranges farther away, (n,).
 
-    This is the ratio of two coherences, for r + P over r, see `focusing.echoes.coherence`. Each is the largest over
-    points, faces and corners, and over the directions into which an echo spreads when it is focused at the wrong
-    distance. The ratio is one where waves from r + P do not fit.
+    This is the ratio of two coherences, for r + P, r + 2 P, ... over that for r, see `focusing.echoes.coherence`. Each
+    is the largest over points, faces and corners, and over the directions into which an echo spreads when it is focused
+    at the wrong distance. The ratio is one where waves from farther away do not fit.
 
     Parameters
     ----------
@@ -54,11 +62,11 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
 
     def look(n: int) -> None:
         r = float(range_[n])
-        around = waves.around(r)
-        spread = waves.reach * (1.0 / r - 1.0 / (r + waves.period)) + waves.cell
+        around, distances = waves.around(r), _later(r, waves)
+        spread = waves.reach * (1.0 / r - 1.0 / distances[-1]) + waves.cell
         count = int(np.ceil(2.0 * spread / (DIRECTION_STEP * waves.cell)))
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
-        late = waves.fit(around, r + waves.period, directions).max()
+        late = max(waves.fit(around, distance, directions).max() for distance in distances)
         if late > in_phase:
             ratio[n] = late / max(waves.fit(around, r, directions).max(), np.finfo(float).tiny)
         elif waves.fit(around, r, u[n : n + 1]).max() <= in_phase:
@@ -66,3 +74,14 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
 
     for_each(look, range(range_.size))
     return ratio
+
+
+def _later(range_: float, waves: Waves) -> list[float]:
+    """Those of the distances r + P, r + 2 P, ... [m] of a range r [m] whose waves can be told apart, nearest first."""
+    differ = DEPTH_OF_FOCUS * waves.wavelength / waves.reach**2  # least difference of curvature that is seen [1/m]
+    distances = [range_ + waves.period]
+    for periods in range(2, MOST_PERIODS + 1):
+        distance = range_ + periods * waves.period
+        if 1.0 / distances[-1] - 1.0 / distance > differ:
+            distances.append(distance)
+    return distances

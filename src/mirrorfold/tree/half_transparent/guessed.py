@@ -2,11 +2,11 @@
 
 An object that the image shows behind a wall may stand there, seen through the wall, or before the wall, where its
 echoes fold to. Geometry decides only if the object is also seen elsewhere: at one of the two places by way of other
-mirrors, or directly before the wall. Then it stands there. Two other facts decide nothing. If the radar does not see
-the object before the wall, the object may turn a smooth face to the mirror alone. If the object is also seen past the
-end of the wall, it may still be mirrored, for from one end of the array to the other the end of a mirror moves before
-the objects that the mirror shows. All echoes of an object are decided together. A wall about which geometry says
-nothing stays a mirror.
+mirrors, or directly before the wall. Then it stands there. What folds onto the face of another wall is that wall. Two
+other facts decide nothing. If the radar does not see the object before the wall, the object may turn a smooth face to
+the mirror alone. If the object is also seen past the end of the wall, it may still be mirrored, for from one end of the
+array to the other the end of a mirror moves before the objects that the mirror shows. All echoes of an object are
+decided together. A wall about which geometry says nothing stays a mirror.
 """
 
 from __future__ import annotations
@@ -82,7 +82,8 @@ def passage(
     # An object behind the wall is seen there by chains that do not begin with the wall.
     around = [other for other in others if other.chain and other.chain[: len(chain)] != chain]
     there = _shown(view, echoes.position, [_seen_around(other, by_chain, by_chain[chain], view) for other in around])
-    mirrored = _shown(view, folded, [folds[other.chain](other.objects.position) for other in others])
+    faces = [folds[other.chain[:-1]](other.face.position) for other in others if other.chain]
+    mirrored = _shown(view, folded, [*faces, *(folds[other.chain](other.objects.position) for other in others)])
     number = object_numbers(view, echoes.range, echoes.direction)
     # An object that is seen at both places decides nothing.
     passed = _of_marked_objects(number, there & ~mirrored, view, echoes)
