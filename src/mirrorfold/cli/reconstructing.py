@@ -48,6 +48,7 @@ from mirrorfold.common.units import Memory
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.io import prepare_to_read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,6 +91,7 @@ def focus(
         return
     output = required(output, "image.nc")
     netcdf_file(output, inputs=[sweep])
+    prepare_to_read(sweep)
     focus_sweep = mf.focus  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
         reading, described = _read_beside(beside, sweep, given, diagnose=False)
@@ -219,6 +221,7 @@ def _reconstruct_file(
     path: Path, output: Path, given: dict[str, Any], *, mirrors: Any, plan: Any, inputs: list[Path]
 ) -> tuple[xr.DataTree, list[Path]]:
     """Reconstruct the sweep in one file; returns the reconstruction and the files written to the directory `output`."""
+    prepare_to_read(path)
     from mirrorfold.io.files import directory_written_atomically
 
     reconstruct_sweep = mf.reconstruct  # imported now: two threads must not import at once

@@ -67,7 +67,7 @@ def load(path: str | Path) -> xr.Dataset | xr.DataArray | xr.DataTree | Scene | 
         from mirrorfold.io.plans import read_plan
 
         return read_plan(path)
-    _prepare_to_read(path)
+    prepare_to_read(path)
     from mirrorfold.io.own.netcdf import is_foreign, read
 
     if is_foreign(path):
@@ -108,14 +108,20 @@ def load_geometry(path: str | Path) -> xr.Dataset:
     InputError
         If the file is missing or damaged.
     """
-    _prepare_to_read(Path(path))
+    prepare_to_read(Path(path))
     from mirrorfold.io.own.netcdf import read_geometry
 
     return read_geometry(Path(path))
 
 
-def _prepare_to_read(path: Path) -> None:
-    """Check that a file is there; start the process that opens netCDF files, while libraries are loaded here."""
+def prepare_to_read(path: Path) -> None:
+    """Check that a file is there; start the process that opens netCDF files, while libraries are loaded here.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, or is none that can be read.
+    """
     check_file(path, "give the path of a netCDF file")
     if path.suffix.lower() == ".nc":
         from mirrorfold.io.readers import hdf5
