@@ -26,9 +26,9 @@ def two_walls():
 
 
 @contextmanager
-def served(path, scene=None):
+def served(path, scene=None, **options):
     """A server in a thread of its own, once it has opened its file."""
-    session = Session(path, scene)
+    session = Session(path, scene, **options)
     with Server(session) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
         thread.start()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.cli import main
@@ -119,3 +121,48 @@ def test_help_compiles_and_reads_nothing(verb):
     imported = {line.rsplit("|", 1)[-1].strip().split(".")[0] for line in result.stderr.splitlines()}
     assert "cyclopts" in imported
     assert imported.isdisjoint({"numpy", "scipy", "xarray", "numba", "matplotlib", "h5py"})
+
+
+@pytest.fixture
+def recordings(tmp_path, monkeypatch, sweep):
+    """A recording of two frames as a sweep, its image, and the second frame alone, in a folder."""
+    monkeypatch.chdir(tmp_path)
+    both = xr.concat([sweep.assign(s=sweep["s"][::-1]), sweep], "frame", data_vars=["s"])
+    mf.save(both, "both.nc")
+    mf.save(mf.focus(both), "both_image.nc")
+    mf.save(sweep, "alone.nc")
+    mf.save(mf.focus(sweep), "alone_image.nc")
+
+
+@pytest.mark.slow
+def test_one_frame_of_a_recording_is_treated_as_it_would_be_alone(recordings):
+    verbs = [
+        ["focus", "both.nc", "-o", "one.nc", "--frame", "1"],
+        ["focus", "alone.nc", "-o", "other.nc"],
+        ["fold", "both_image.nc", "--sweep", "both.nc", "-o", "folded.nc", "--frame", "1"],
+        ["fold", "alone_image.nc", "--sweep", "both.nc", "-o", "mixed.nc", "--frame", "1"],
+        ["reconstruct", "both.nc", "-o", "results", "--frame", "1"],
+        ["reconstruct", "alone.nc", "-o", "expected"],
+    ]
+    assert [main(words) for words in verbs] == [0] * len(verbs)
+    xr.testing.assert_allclose(mf.load("one.nc"), mf.load("other.nc"))
+    expected = mf.load("expected/reconstruction.nc")
+    for file in ("folded.nc", "mixed.nc", "results/reconstruction.nc"):
+        found = mf.load(file)
+        assert found["intensity"].dims == ("y", "x")
+        assert found["objects"].sizes["point"] == expected["objects"].sizes["point"]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["focus", "both.nc", "-o", "one.nc", "--frame", "2"], "frame is 2, but there are 2 frames"),
+        (["fold", "both_image.nc", "-o", "one.nc", "--frame", "-1"], "frame is -1"),
+        (["fold", "alone_image.nc", "-o", "one.nc", "--frame", "1"], "there are no frames; leave --frame out"),
+        (["reconstruct", "both.nc", "--dry-run", "--frame", "5"], "frame is 5, but there are 2 frames"),
+    ],
+)
+def test_a_frame_that_is_not_there_is_refused(recordings, capsys, words, reason):
+    assert main(words) == 2
+    assert reason in capsys.readouterr().err
+    assert not Path("one.nc").exists()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from browser import number, opened, pixels, settle, to_screen
 from levels import unpacked_levels
 from numpy.testing import assert_allclose
@@ -153,10 +154,12 @@ def test_mirrors_are_not_saved_without_what_they_fold(file, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path, monkeypatch):
+@pytest.mark.parametrize("frame", [None, 1], ids=["one sweep", "one of two frames"])
+def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path, monkeypatch, frame):
     monkeypatch.chdir(tmp_path)
-    mf.save(sweep, "sweep.nc")
-    with served("sweep.nc") as server:
+    other = sweep.assign(s=0.5 * sweep["s"][::-1])
+    mf.save(sweep if frame is None else xr.concat([other, sweep], "frame", data_vars=["s"]), "sweep.nc")
+    with served("sweep.nc", frame=frame) as server:
         assert server.session.state["status"] == "ready"
         status, saved = call(server, "/api/save", {"settings": {"threshold_db": -12.0}, "name": "out.nc"})
         assert status == 200

@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mirrorfold.cli.results import read
+from mirrorfold.cli.results import one_frame, read
 from mirrorfold.cli.terminal import show_info, show_json, show_options
 from mirrorfold.focusing.settings import FocusSettings
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.choosing.facts import Choice
 
 
-def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -> Choice:
+def forecast_sweep(path: Path, given: dict[str, Any], frame: int | None = None, *, folded: bool = False) -> Choice:
     """The choice of the focusing algorithm for the sweep in a file, with the time and memory that it needs.
 
     Parameters
@@ -26,6 +26,8 @@ def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -
         File of the sweep.
     given : dict
         Options of the verb, with the settings of focusing among them.
+    frame : int, optional
+        Which frame of a recording; all by default.
     folded : bool
         Whether to add the time and memory of folding.
 
@@ -37,7 +39,7 @@ def forecast_sweep(path: Path, given: dict[str, Any], *, folded: bool = False) -
     from mirrorfold.describing.planning import FOLDING_PIXELS_PER_SECOND
     from mirrorfold.focusing import choose_algorithm
 
-    sweep = read(path, "sweep")
+    (sweep,) = one_frame(frame, read(path, "sweep"))
     own = {name: value for name, value in given.items() if name in FocusSettings.__dataclass_fields__}
     found = choose_algorithm(sweep, frames=int(sweep.sizes.get("frame", 1)), **own)
     if not folded:
@@ -71,7 +73,7 @@ def _folding_memory_gb(sweep: xr.Dataset, found: Choice, own: dict[str, Any]) ->
     return total(parts) / GIGABYTE + tables
 
 
-def forecast_fold(path: Path, sweep: Path | None, memory_limit: float | None) -> Forecast:
+def forecast_fold(path: Path, sweep: Path | None, memory_limit: float | None, frame: int | None = None) -> Forecast:
     """The memory that folding the image in a file would need, by its parts.
 
     Raises
@@ -84,8 +86,8 @@ def forecast_fold(path: Path, sweep: Path | None, memory_limit: float | None) ->
     from mirrorfold.folding.memory import fold_parts
     from mirrorfold.reconstruction import FoldPlan
 
-    found = read(path, "image", "reconstruction")
-    measured = None if sweep is None else read(sweep, "sweep")
+    focused = read(path, "image", "reconstruction")
+    found, measured = one_frame(frame, focused, None if sweep is None else read(sweep, "sweep"))
     image = found if hasattr(found, "dims") and not hasattr(found, "children") else initial_image(found)
     single = image.isel(frame=0) if "frame" in image.dims else image
     FoldPlan(single).expect_memory(memory_limit)

@@ -17,6 +17,7 @@ from mirrorfold.cli.options import (
     CrossRanges,
     Export,
     FloorPlanFile,
+    Frame,
     Heights,
     Mirrors,
     OptionalOutput,
@@ -35,6 +36,7 @@ from mirrorfold.cli.results import (
     frames_kept,
     load_mirrors,
     load_plan,
+    one_frame,
     parse_grid,
     read,
     report_reconstruction,
@@ -67,6 +69,7 @@ def focus(
     x: CrossRanges = None,
     y: Ranges = None,
     z: Heights = None,
+    frame: Frame = None,
     dry_run: bool = False,
     json: bool = False,
     **given: Any,
@@ -87,14 +90,14 @@ def focus(
     """
     given |= parse_grid(x=x, y=y, z=z)
     if dry_run:
-        show_forecast(forecast_sweep(sweep, given), json=json)
+        show_forecast(forecast_sweep(sweep, given, frame), json=json)
         return
     output = required(output, "image.nc")
     netcdf_file(output, inputs=[sweep])
     prepare_to_read(sweep)
     focus_sweep = mf.focus  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
-        reading, described = _read_beside(beside, sweep, given, diagnose=False)
+        reading, described = _read_beside(beside, sweep, given, frame, diagnose=False)
         measured = reading.result()
         with progress("focusing") as report:
             image = focus_sweep(measured, **given, progress=report)
@@ -112,6 +115,7 @@ def fold(
     mirrors: Mirrors = None,
     preset: Preset = "default",
     export: Export = None,
+    frame: Frame = None,
     memory_limit: Memory | None = None,
     dry_run: bool = False,
     json: bool = False,
@@ -136,7 +140,7 @@ def fold(
         Print mirrors and counts as one JSON object.
     """
     if dry_run:
-        show_forecast(forecast_fold(image, sweep, memory_limit), json=json)
+        show_forecast(forecast_fold(image, sweep, memory_limit, frame), json=json)
         return
     output = required(output, "reconstruction.nc")
     inputs = [path for path in (image, sweep, mirrors) if path is not None]
@@ -145,6 +149,7 @@ def fold(
     known = load_mirrors(mirrors)
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
+    focused, measured = one_frame(frame, focused, measured)
     chosen = {"preset": preset, **given}
     limited: dict[str, Any] = {} if memory_limit is None else {"memory_limit": memory_limit}
     with frames_kept(focused, output, inputs, chosen) as kept:
@@ -169,6 +174,7 @@ def reconstruct(
     preset: Preset = "default",
     plan: FloorPlanFile = None,
     export: Export = None,
+    frame: Frame = None,
     dry_run: bool = False,
     json: bool = False,
     **given: Any,
@@ -196,7 +202,7 @@ def reconstruct(
     if dry_run:
         if len(sweep) > 1:
             raise InputError("--dry-run looks at one sweep and there are several; name one of them")
-        show_forecast(forecast_sweep(sweep[0], given, folded=True), json=json)
+        show_forecast(forecast_sweep(sweep[0], given, frame, folded=True), json=json)
         return
     output = required(output, "results")
     given |= {"preset": preset}
@@ -206,7 +212,7 @@ def reconstruct(
     known, walls = load_mirrors(mirrors), load_plan(plan)
 
     def work(path: Path, folder: Path) -> tuple[xr.DataTree, list[Path]]:
-        return _reconstruct_file(path, folder, given, mirrors=known, plan=walls, inputs=extra)
+        return _reconstruct_file(path, folder, given, mirrors=known, plan=walls, frame=frame, inputs=extra)
 
     if len(sweep) == 1:
         reconstruction, files = work(sweep[0], output)
@@ -218,7 +224,14 @@ def reconstruct(
 
 
 def _reconstruct_file(
-    path: Path, output: Path, given: dict[str, Any], *, mirrors: Any, plan: Any, inputs: list[Path]
+    path: Path,
+    output: Path,
+    given: dict[str, Any],
+    *,
+    mirrors: Any,
+    plan: Any,
+    frame: int | None,
+    inputs: list[Path],
 ) -> tuple[xr.DataTree, list[Path]]:
     """Reconstruct the sweep in one file; returns the reconstruction and the files written to the directory `output`."""
     prepare_to_read(path)
@@ -226,7 +239,7 @@ def _reconstruct_file(
 
     reconstruct_sweep = mf.reconstruct  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
-        reading, described = _read_beside(beside, path, given)
+        reading, described = _read_beside(beside, path, given, frame)
         _ = mf.report, mf.plot.before_after  # imported while the other thread, which imports nothing, is at work
     measured = reading.result()
     remark(described.result().remarks)  # remarks are printed before the work, which may take long
@@ -240,7 +253,7 @@ def _reconstruct_file(
 
 
 def _read_beside(
-    beside: Executor, path: Path, given: dict[str, Any], *, diagnose: bool = True
+    beside: Executor, path: Path, given: dict[str, Any], frame: int | None, *, diagnose: bool = True
 ) -> tuple[Future[xr.Dataset], Future[SweepFacts]]:
     """Read and describe a sweep in another thread, while the plan of its image is made in this one.
 
@@ -254,6 +267,8 @@ def _read_beside(
         File of the sweep.
     given : dict
         Options of the verb, with the settings of focusing among them.
+    frame : int or None
+        Which frame of a recording; all by default.
     diagnose : bool
         Whether to search the sweep for mistakes.
 
@@ -270,7 +285,7 @@ def _read_beside(
     geometry, describe = None, mf.info
     with suppress(InputError):  # reading the whole file reports the error
         geometry = load_geometry(path)
-    reading = beside.submit(read, path, "sweep")
+    reading = beside.submit(lambda: one_frame(frame, read(path, "sweep"))[0])
     described = beside.submit(lambda: describe(reading.result(), diagnose=diagnose))
     if geometry is not None:
         imaging = {name: given[name] for name in FocusSettings.rules() if name in given}

@@ -56,6 +56,24 @@ def read(path: Path, *expected: str) -> Any:
     return found
 
 
+def one_frame(frame: int | None, *inputs: Any) -> tuple[Any, ...]:
+    """The inputs, which may be None, with recordings among them cut to one frame; as they are if `frame` is None.
+
+    Raises
+    ------
+    InputError
+        If there is no such frame, or no input is a recording.
+    """
+    from mirrorfold.folding.frames import frame_count
+
+    if frame is None:
+        return inputs
+    alone = all(one is None or frame_count(one) is None for one in inputs)
+    return tuple(
+        one if one is None or (frame_count(one) is None and not alone) else mf.pick_frame(one, frame) for one in inputs
+    )
+
+
 def parse_grid(**axes: str | None) -> dict[str, Any]:
     """Pixel coordinates [m] of the axes that are not None, by name.
 

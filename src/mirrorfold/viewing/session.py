@@ -311,15 +311,16 @@ class Session:
     def command(self, settings: dict[str, Any], mirrors: Path | None, output: Path) -> str:
         """The command line that makes the same result again, focusing of a sweep included."""
         words = ["mirrorfold", "fold"]
+        frame = [] if self.frame is None else ["--frame", str(self.frame)]
         before = ""
         if self._image_command is not None:
             image = str(self.path.parent / self._image_command)
-            steps = ["mirrorfold", "focus", str(self.path), "-o", image, "--tolerance", repr(TOLERANCE_TO_FOLD)]
+            steps = ["mirrorfold", "focus", str(self.path), "-o", image, "--tolerance", repr(TOLERANCE_TO_FOLD), *frame]
             before = shlex.join(steps) + " && "
             words += [image, *(["--sweep", str(self.path)] if self._sweep is not None else [])]
         else:
             words.append(str(self.path))
-        words += ["-o", str(output)]
+        words += ["-o", str(output), *frame]
         if mirrors is not None:
             words += ["--mirrors", str(mirrors)]
         if self._preset != "default":
