@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_places
 from mirrorfold.common.plans import FloorPlan
-from mirrorfold.common.settings import option_words
 from mirrorfold.common.stopping import StoppedError, stop
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, write_mirrors
 from mirrorfold.errors import InputError
@@ -36,6 +34,7 @@ from mirrorfold.sweep import is_raster
 from mirrorfold.tree.half_transparent.transparent import BY_POLARIZATION
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
 from mirrorfold.viewing.lines import line_of, without_straight_middle
+from mirrorfold.viewing.repeating import command_to_repeat
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -127,7 +126,7 @@ class Session:
 
     def _first(self, found: Any) -> dict[str, Any]:
         """The first document of the file's content; makes the plan that all further folds use."""
-        self._sweep = self._image_command = None
+        self._sweep, self._focused = None, isinstance(found, xr.Dataset)
         preset = "default"
         plan: FoldPlan | None = None
         self._note = ""
@@ -140,7 +139,6 @@ class Session:
             if isinstance(found, xr.Dataset):
                 image = focus(found, tolerance=TOLERANCE_TO_FOLD, progress=self._report("focusing"))
                 self._sweep = None if is_raster(found) else found
-                self._image_command = f"{self.path.stem}.image.nc"
             else:
                 image = found
             plan = FoldPlan(image, sweep=self._sweep)
@@ -300,35 +298,22 @@ class Session:
             result = self._plan.fold(**self._arguments(settings, lines))
         with self._saving:
             _check_free(files, replace=replace)  # another page may have saved meanwhile
-            command = self.command(settings, None if lines is None else mirrors, output)
+            command = command_to_repeat(
+                self.path,
+                output,
+                {**settings, **self._kept},
+                preset=self._preset,
+                frame=self.frame,
+                mirrors=None if lines is None else mirrors,
+                focused=self._focused,
+                tested=self._sweep is not None,
+            )
             result.attrs["command"] = command
             with directory_written_atomically(output.parent) as folder:
                 if lines is not None:
                     write_mirrors(lines, folder / mirrors.name)
                 save(result, folder / output.name)
         return {"files": [str(file) for file in files], "command": command}
-
-    def command(self, settings: dict[str, Any], mirrors: Path | None, output: Path) -> str:
-        """The command line that makes the same result again, focusing of a sweep included."""
-        words = ["mirrorfold", "fold"]
-        frame = [] if self.frame is None else ["--frame", str(self.frame)]
-        before = ""
-        if self._image_command is not None:
-            image = str(self.path.parent / self._image_command)
-            steps = ["mirrorfold", "focus", str(self.path), "-o", image, "--tolerance", repr(TOLERANCE_TO_FOLD), *frame]
-            before = shlex.join(steps) + " && "
-            words += [image, *(["--sweep", str(self.path)] if self._sweep is not None else [])]
-        else:
-            words.append(str(self.path))
-        words += ["-o", str(output), *frame]
-        if mirrors is not None:
-            words += ["--mirrors", str(mirrors)]
-        if self._preset != "default":
-            words += ["--preset", self._preset]
-        for name, value in {**settings, **self._kept}.items():
-            if FoldSettings.rules()[name].option and value not in (None, getattr(PRESETS[self._preset], name)):
-                words += option_words(name, value)
-        return before + shlex.join(words)
 
     def _arguments(self, settings: dict[str, Any], lines: Array | None) -> dict[str, Any]:
         """The arguments of a fold: mirrors, preset, and all settings."""
