@@ -58,7 +58,14 @@ def test_a_sweep_is_held_with_the_beams_that_its_echoes_are_tested_with(monkeypa
     parts = fold_parts(coarse, sweep_of(120, 160))
     assert parts["samples"] == 8.0 * 510 * 120 * 160
     profiles, window = 8.0 * 567 * 120 * 160, 2.0 * 8.0 * 32 * 120 * 160
-    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 120 + 18 * 160) + window) + profiles
+    assert parts["directions of echoes"] == 3.0 * (8.0 * CHUNK * (3 * 120 + 18 * 160) + window)
+    assert parts["range profiles"] == profiles
+
+
+def test_range_profiles_are_held_until_the_pictures_are_drawn():
+    drawn = fold_parts(image(**KNOWN), sweep_of(2, 2))
+    assert "pictures" in drawn
+    assert drawn["range profiles"] == 8.0 * 567 * 2 * 2
 
 
 def test_a_small_sweep_is_held_with_the_finer_range_profiles_that_tell_late_echoes():

@@ -68,8 +68,9 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
         seen = {"amplitude": image.dtype.itemsize * pixels}
     stages = [held | view | seen, held | view | {"noise, side lobes and ridges": RIDGE_ARRAYS * DOUBLE * samples}]
     if sweep is not None and "rx" in sweep.dims:  # a single moving antenna measures no directions
-        held = held | {"range profiles of pairs": profile_bytes(sweep)}
-        stages.append(held | view | {"directions of echoes": bytes_at_once(sweep)})
+        profiles, work = bytes_at_once(sweep)
+        held = held | {"range profiles": profiles, "range profiles of pairs": profile_bytes(sweep)}
+        stages.append(held | view | {"directions of echoes": work})
     drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
     return fullest(*stages, held | view | drawn | {"pictures": 2.0 * SINGLE * pixels})
 

@@ -158,11 +158,11 @@ def _group_size(k: Array, spread: float) -> int:
     return int(k.size // np.clip(np.ceil((k[-1] - k[0]) * spread / PHASE_SPREAD), 1, k.size))
 
 
-def bytes_at_once(sweep: xr.Dataset) -> float:
-    """Memory [bytes] that this module takes for a sweep.
+def bytes_at_once(sweep: xr.Dataset) -> tuple[float, float]:
+    """Memory [bytes] that this module takes for a sweep: by range profiles, which are kept, and by its work.
 
-    It is taken by the range profiles, and by the work of all cores together: windows of the profiles, phasors of the
-    transmitters, and the fields at the receivers.
+    The latter is that of all cores together: windows of the profiles, phasors of the transmitters, and the fields at
+    the receivers.
     """
     k, (tx, rx), windows = wavenumber(sweep), antenna_positions(sweep), SweepWaves(sweep).range_windows
     radar = 0.5 * (tx.mean(axis=0) + rx.mean(axis=0))
@@ -171,7 +171,7 @@ def bytes_at_once(sweep: xr.Dataset) -> float:
     count = windows.frequencies(0.0, 2.0 * sum(reach))
     cut = 2.0 * 8.0 * count * len(tx) * len(rx) if count < k.size else 0.0
     beams = 8.0 * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
-    return cpu_count() * (cut + beams) + (windows.profile_bytes if cut else 0.0)
+    return (windows.profile_bytes if cut else 0.0), cpu_count() * (cut + beams)
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
