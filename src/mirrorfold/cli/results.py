@@ -57,7 +57,9 @@ def read(path: Path, *expected: str) -> Any:
 
 
 def one_frame(frame: int | None, *inputs: Any) -> tuple[Any, ...]:
-    """The inputs, which may be None, with recordings among them cut to one frame; as they are if `frame` is None.
+    """The inputs, with recordings among them cut to one frame; as they are if `frame` is None.
+
+    All inputs but the first may be None.
 
     Raises
     ------
@@ -68,10 +70,10 @@ def one_frame(frame: int | None, *inputs: Any) -> tuple[Any, ...]:
 
     if frame is None:
         return inputs
-    alone = all(one is None or frame_count(one) is None for one in inputs)
-    return tuple(
-        one if one is None or (frame_count(one) is None and not alone) else mf.pick_frame(one, frame) for one in inputs
-    )
+    recorded = [frame_count(one) is not None for one in inputs]
+    if not any(recorded):
+        mf.pick_frame(inputs[0], frame)  # refuses every frame but the first
+    return tuple(mf.pick_frame(one, frame) if cut else one for one, cut in zip(inputs, recorded, strict=True))
 
 
 def parse_grid(**axes: str | None) -> dict[str, Any]:

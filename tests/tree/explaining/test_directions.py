@@ -13,7 +13,7 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import make_sweep
 from mirrorfold.tree.explaining import directions
-from mirrorfold.tree.explaining.apertures import Aperture, grating_lobe
+from mirrorfold.tree.explaining.apertures import Aperture
 from mirrorfold.tree.explaining.directions import PHASE_SPREAD, confocal_share, direction_ratio
 from mirrorfold.tree.explaining.lobes import lobe_level
 from mirrorfold.tree.explaining.misplaced import MIXED, SMALLEST_DIRECTION_RATIO, Known, misplaced
@@ -251,13 +251,13 @@ def thinned(missing):
 def test_the_lobes_of_missing_antennas_are_known(missing, lobe):
     """Two of three antennas: the phases of two neighbours are a third of a turn apart in the direction of the lobe."""
     antennas = thinned(missing)
-    found = grating_lobe(sweep_of(antennas, antennas, (at(0.0), at(0.0))))
+    found = SweepWaves(sweep_of(antennas, antennas, (at(0.0), at(0.0)))).grating_lobe
     assert found == pytest.approx(lobe, abs=0.06)
 
 
 def test_a_lobe_as_high_as_the_main_one_accuses_nobody():
     antennas = line(40, pitch=1.5 * WAVELENGTH)
-    assert grating_lobe(sweep_of(antennas, antennas, (at(0.0), at(0.0)))) < 0.1
+    assert SweepWaves(sweep_of(antennas, antennas, (at(0.0), at(0.0)))).grating_lobe < 0.1
 
 
 @pytest.mark.parametrize("missing", [None, 3])

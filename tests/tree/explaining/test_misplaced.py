@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -37,10 +39,9 @@ def cells(view, range_, u):
 
 
 @pytest.mark.parametrize("lobe", [0.0, 0.5])
-def test_verdicts_follow_from_the_ratios(view, monkeypatch, lobe):
+def test_verdicts_follow_from_the_ratios(view, lobe):
     """Lobes and late echoes first; of the others those whose ratio is no larger than that of a ghost in a lobe."""
-    monkeypatch.setattr(module, "grating_lobe", lambda sweep: lobe)
-    waves = SweepWaves(None)  # not asked, as all is known
+    waves = SimpleNamespace(grating_lobe=lobe)  # all else is known
     lobes = np.append(np.full(5, 0.5), 1.0)  # of echoes of amplitude one
     echoes = echoes_at(view, cells(view, np.full(6, 40.2), [0.2, 10.2, 20.2, 30.2, -10.2, -20.2]))
     least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * lobe)

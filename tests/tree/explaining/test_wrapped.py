@@ -14,7 +14,7 @@ import mirrorfold as mf
 from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.tree.explaining import waves
+from mirrorfold.tree.explaining import waves, wrapped
 from mirrorfold.tree.explaining.misplaced import LARGEST_WRAPPING_RATIO, LATE
 from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import MOST_PERIODS, wrapping_ratio
@@ -25,14 +25,28 @@ from mirrorfold.tree.explaining.wrapped import MOST_PERIODS, wrapping_ratio
 @pytest.mark.parametrize("behind", [0.0, 0.02])
 @pytest.mark.parametrize("range_", [0.35, 0.6])
 def test_the_curvature_of_the_waves_tells_how_far_they_come(shape, behind, range_):
-    """Points, flat faces and corners, near ones and those from one, two or three ambiguous ranges farther away."""
+    """Points, flat faces and corners, near ones and those from one ambiguous range farther away."""
     u = -0.3
     tx, rx = array(), array(behind)
     view = view_of(tx, rx)
-    for periods in range(4):
-        sweep = sweep_of([shape(range_ + periods * PERIOD, u, tx, rx)], tx, rx)
+    for far in (False, True):
+        sweep = sweep_of([shape(range_ + far * PERIOD, u, tx, rx)], tx, rx)
         ratio = wrapping_ratio(SweepWaves(sweep), view, np.array([range_]), np.array([u]))
-        assert ratio[0] > 2.0 if periods else ratio[0] < 0.6
+        assert ratio[0] > 2.0 if far else ratio[0] < 0.6
+
+
+@pytest.mark.parametrize("shape", [point, face, corner])
+def test_waves_from_later_periods_fit_better_than_those_from_the_first(monkeypatch, shape):
+    """So that other echoes at its range hide less easily how late an echo is."""
+    tx = rx = array()
+    view, place = view_of(tx, rx), (np.array([0.6]), np.array([-0.3]))
+    for periods, least in ((0, 0.0), (1, 0.99), (2, 1.2), (3, 1.5)):
+        late = SweepWaves(sweep_of([shape(0.6 + periods * PERIOD, -0.3, tx, rx)], tx, rx))
+        ratio = wrapping_ratio(late, view, *place)[0]
+        with monkeypatch.context() as patch:
+            patch.setattr(wrapped, "MOST_PERIODS", 1)
+            first = wrapping_ratio(late, view, *place)[0]
+        assert ratio > least * first if periods else ratio < 0.6
 
 
 @pytest.mark.slow
@@ -174,3 +188,10 @@ def test_a_window_may_reach_over_the_end_of_the_ambiguous_range():
     assert path.min() < 2.0 * PERIOD < path.max()
     ratio = wrapping_ratio(SweepWaves(sweep), view_of(tx, rx), np.array([0.9995 * PERIOD]), np.array([0.6]))
     assert ratio[0] < 0.95
+
+
+def test_antennas_at_one_place_tell_no_distances():
+    """The curvature of waves does not show at a point."""
+    tx = rx = np.zeros((1, 3))
+    sweep, view = sweep_of([point(0.5, 0.2, tx, rx)], tx, rx), view_of(array(), array())
+    assert_array_equal(wrapping_ratio(SweepWaves(sweep), view, np.array([0.5]), np.array([0.2])), 1.0)

@@ -78,14 +78,12 @@ def apertures(sweep: xr.Dataset) -> list[Aperture]:
     return [Aperture.of(position, shortest) for position in antenna_positions(sweep)]
 
 
-def grating_lobe(sweep: xr.Dataset) -> float:
-    """Height of the receivers' largest grating lobe, relative to the main lobe; zero if there is none.
+def grating_lobe(aperture: Aperture, k: float) -> float:
+    """Height of an aperture's largest grating lobe at the wavenumber k [rad/m], relative to the main lobe.
 
-    A ghost where such a lobe shows an echo has this `direction_ratio`. Lobes nearly as high as the main lobe do not
-    count, such as those of antennas more than a wavelength apart: they cannot be told from it.
+    Zero if there is none. Lobes nearly as high as the main lobe do not count, such as those of antennas more than a
+    wavelength apart: they cannot be told from it.
     """
-    aperture = apertures(sweep)[1]
-    k = float(wavenumber(sweep).mean())
     length = float(np.ptp(aperture.along)) * k / (2.0 * np.pi)  # in wavelengths
     if length < 1.0:
         return 0.0
@@ -94,14 +92,22 @@ def grating_lobe(sweep: xr.Dataset) -> float:
     return float(lobes.max(initial=0.0, where=lobes < LIKE_THE_MAIN_ONE))
 
 
-def beside_main_lobe(sweep: xr.Dataset, sine: Array) -> Array:
+def beside_main_lobe(sides: list[Aperture], k: Array, sine: Array) -> Array:
     """Amplitude, relative to an echo, of its lobe in the image at directions whose u differs by `sine`, (n,).
 
     This is the product of the beams of both apertures, unweighted, as in an image all antennas count alike. The largest
     product over the band is taken, for grating lobes wander with the wavelength. It is set to zero where it is not well
     above the side lobes of full apertures of the same lengths L in wavelengths, ``1 / (pi L u)`` for each aperture.
+
+    Parameters
+    ----------
+    sides : list of Aperture
+        The transmitters and the receivers.
+    k : (frequencies,) array [rad/m]
+        Wavenumbers of the band.
+    sine : (n,) array
     """
-    sides, k = [side._replace(weight=np.ones(len(side.position))) for side in apertures(sweep)], wavenumber(sweep)
+    sides = [side._replace(weight=np.ones(len(side.position))) for side in sides]
     some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
     level = np.max([np.prod([side.beam(one, sine) for side in sides], axis=0) for one in some], axis=0)
     lengths = [float(np.ptp(side.along)) * some[0] / (2.0 * np.pi) for side in sides]

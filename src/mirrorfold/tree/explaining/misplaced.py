@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, View
 from mirrorfold.detection.echoes import strongest_of
-from mirrorfold.tree.explaining.apertures import grating_lobe
 from mirrorfold.tree.explaining.corners import corner_ratio
 from mirrorfold.tree.explaining.directions import confocal_share, direction_ratio
 from mirrorfold.tree.explaining.lobes import LOBE, MARGIN_DB, lobe_level
@@ -56,7 +55,7 @@ def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known |
     late = _once_a_cell(wrapping_ratio, *_seen(echoes), waves, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
     rest = echoes.take(~(late | beside))
-    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * grating_lobe(waves.sweep))
+    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * waves.grating_lobe)
     mixed[~(late | beside)] = _once_a_cell(direction_ratio, *_seen(rest), waves, view, known) < least
     return np.select([beside, late, mixed], [LOBE, LATE, MIXED], "")
 

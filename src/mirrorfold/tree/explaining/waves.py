@@ -19,7 +19,7 @@ from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POI
 from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import wavenumber
 from mirrorfold.sweep.pairs import Pairs, pairs_of
-from mirrorfold.tree.explaining.apertures import Aperture, apertures, beside_main_lobe
+from mirrorfold.tree.explaining.apertures import Aperture, apertures, beside_main_lobe, grating_lobe
 
 PAIRS = 1000, 8000
 """Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
@@ -105,6 +105,11 @@ class SweepWaves:
         return apertures(self.sweep)
 
     @cached_property
+    def grating_lobe(self) -> float:
+        """Height of the receivers' largest grating lobe: a ghost where it shows an echo has this `direction_ratio`."""
+        return grating_lobe(self.apertures[1], float(wavenumber(self.sweep).mean()))
+
+    @cached_property
     def range_windows(self) -> RangeWindows:
         """The samples under a Hann taper, ready to be gated to the ranges of echoes."""
         k = wavenumber(self.sweep)
@@ -130,7 +135,7 @@ class SweepWaves:
     def lobes(self, view: ImageView) -> Array:
         """Amplitude of an echo's lobes at distances in u from zero to the width of the view, see `beside_main_lobe`."""
         if not self._lobes.size:
-            self._lobes = beside_main_lobe(self.sweep, view.u - view.u[0])
+            self._lobes = beside_main_lobe(self.apertures, wavenumber(self.sweep), view.u - view.u[0])
         return self._lobes
 
 

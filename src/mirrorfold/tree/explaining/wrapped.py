@@ -24,8 +24,8 @@ DIRECTION_STEP = 0.5
 """Step between the directions that are tried, in resolution cells of the array."""
 
 MOST_PERIODS = 4
-"""Largest number of ambiguous ranges by which echoes are taken to be late: between two walls that face each other, the
-third is still strong."""
+"""Largest number of ambiguous ranges by which echoes are taken to be late. Between two walls that face each other,
+echoes that were late by three were as bright as objects; farther away, waves hardly differ in curvature."""
 
 DEPTH_OF_FOCUS = 0.25
 """Waves from two distances can be told apart if their paths to the ends of the array differ by more than this many
@@ -78,10 +78,9 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
 
 def _later(range_: float, waves: Waves) -> list[float]:
     """Those of the distances r + P, r + 2 P, ... [m] of a range r [m] whose waves can be told apart, nearest first."""
-    differ = DEPTH_OF_FOCUS * waves.wavelength / waves.reach**2  # least difference of curvature that is seen [1/m]
     distances = [range_ + waves.period]
     for periods in range(2, MOST_PERIODS + 1):
         distance = range_ + periods * waves.period
-        if 1.0 / distances[-1] - 1.0 / distance > differ:
+        if waves.reach**2 * (1.0 / distances[-1] - 1.0 / distance) > DEPTH_OF_FOCUS * waves.wavelength:
             distances.append(distance)
     return distances
