@@ -1,15 +1,17 @@
 """What each part of the search for mirrors and of the judging of echoes adds: scores of the same scenes without it.
 
-    python benchmarks/ablation.py [--family NAME ...] [--seeds 0:1] [--sweeps DIR]
+    python benchmarks/ablation.py [--family NAME ...] [--seeds 0:2] [--sweeps DIR] [-o DIR]
 
 By default the scenes are those of the full-wave families of `mirrorfold.scenes.families`; --sweeps is a folder that
 keeps their sweeps, which take minutes each. The table holds means over the scenes: precision, completeness and F-score
-of hidden surfaces in resolution cells, and the share of invented points.
+of hidden surfaces in resolution cells, the share of invented points, and in how many scenes F falls and rises by more
+than 0.01 without the part. The folder of -o holds a line for each fold, from which an interrupted command goes on.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
@@ -29,9 +31,9 @@ from mirrorfold.detection.search import lines
 from mirrorfold.detection.views.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import completion, kinds, lines_of_sight, measured, ordering, rounds
+from mirrorfold.tree import assignment, completion, kinds, lines_of_sight, measured, ordering, rounds
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining import explained_by_tree
+from mirrorfold.tree.explaining import explained_by_tree, misplaced, wrapped
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 
 Instead = dict[ModuleType | type, dict[str, Any]]
@@ -64,12 +66,19 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
         {},
     ),
     "mixed paths and late echoes": ({measured: {"misplaced": lambda echoes, **named: np.full(len(echoes), "")}}, {}),
+    "late echoes by more than one period": ({wrapped: {"MOST_PERIODS": 1}}, {}),
+    "grating lobes": ({misplaced: {"lobe_level": lambda waves, view, range_, u: np.zeros(range_.size)}}, {}),
     "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Overhangs.nothing()}}, {}),
     "short rows": ({kinds: {"find_short": lambda found, *given, besides, **named: (found, besides)}}, {}),
     "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
+    "rows that end where echoes are much fainter": ({lines: {"FAINTER_CELLS": np.inf}}, {}),
+    "rows that end at corners": ({rounds: {"vertices": lambda mirrors: np.zeros((0, 2))}}, {}),
     "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror: mirror}}, {}),
     "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
     "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),
+    "beams beyond the ends of mirrors": ({assignment: {"beyond_ends": lambda order, echoes, owner: owner}}, {}),
+    "beams before the ends of mirrors": ({assignment: {"before_ends": lambda order, echoes, owner: owner}}, {}),
+    "what only earlier rounds have hidden": ({rounds: {"shown_at_last": lambda order, echoes, seen, *given: seen}}, {}),
     "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
     "late edges": ({explained_by_tree: {"late_edges": nobody}}, {}),
     "what would stand behind walls": ({explained_by_tree: {"behind_walls": nobody}}, {}),
@@ -85,16 +94,45 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
 }
 """For each part, the functions that do nothing in its place, and the settings that turn it off."""
 
+FIGURES = {
+    "precision_cells": "precision", "completeness_cells": "completeness", "f_score_cells": "F",
+    "invented_fraction": "invented",
+}  # fmt: skip
+"""Figures of the table, as `mirrorfold.score` names them, and their headings."""
 
-def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> list[float]:
-    """Precision, completeness and F-score of hidden surfaces in cells, and the invented share, without one part."""
+Figures = dict[str, float | None]
+
+
+def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> Figures:
+    """Figures of hidden surfaces without one part, by name; None where nothing is found, or nothing is hidden."""
     instead, settings = WITHOUT[part]
     with ExitStack() as stack:
         for home, functions in instead.items():
             stack.enter_context(patch.multiple(home, **functions))
         found = mf.score(mf.fold(image, sweep=sweep, **settings), scene).hidden
-    values = found.precision_cells, found.completeness_cells, found.f_score_cells, found.invented_fraction
-    return [np.nan if value is None else value for value in values]
+    return {name: getattr(found, name) for name in FIGURES}
+
+
+def folded_without(scenes: list[Task], file: Path | None) -> dict[str, list[Figures]]:
+    """Figures of all scenes without each of the parts; a line for each is added to the file, and found there again."""
+    lines_there = file.read_text().splitlines() if file is not None and file.exists() else []
+    known = {(one["family"], one["seed"], one["without"]): one["figures"] for one in map(json.loads, lines_there)}
+    rows: dict[str, list[Figures]] = {part: [] for part in WITHOUT}
+    for task in scenes:
+        place = task.family.name, task.seed
+        if any((*place, part) not in known for part in WITHOUT):
+            scene = draw(task.family, task.seed, radar=task.radar)
+            sweep = simulated(task, scene)
+            image = mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD)
+        for part, made in rows.items():
+            if (*place, part) not in known:
+                known[*place, part] = figures(scene, image, sweep, part)
+                if file is not None:
+                    line = {"family": place[0], "seed": place[1], "without": part, "figures": known[*place, part]}
+                    with file.open("a") as open_file:
+                        open_file.write(json.dumps(line) + "\n")
+            made.append(known[*place, part])
+    return rows
 
 
 def main() -> None:
@@ -102,24 +140,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     waves = [family.name for family in FAMILIES.values() if family.engine == "fullwave"]
     parser.add_argument("--family", nargs="+", default=waves)
-    parser.add_argument("--seeds", default="0:1", help="first and last")
+    parser.add_argument("--seeds", default="0:2", help="FIRST:END, END is left out")
     parser.add_argument("--sweeps", type=Path)
+    parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()
-    first, last = map(int, given.seeds.split(":"))
-    rows: dict[str, list[list[float]]] = {part: [] for part in WITHOUT}
-    for name in given.family:
-        for seed in range(first, last + 1):
-            task = Task(FAMILIES[name], radars_of(FAMILIES[name])[0], seed, ("ours",), given.sweeps)
-            scene = draw(task.family, seed, radar=task.radar)
-            sweep = simulated(task, scene)
-            image = mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD)
-            for part, made in rows.items():
-                made.append(figures(scene, image, sweep, part))
-    table = Table(title=f"hidden things, without one part; {len(rows['(all parts)'])} scenes")
-    for heading in ("without", "precision", "completeness", "F-score", "invented"):
+    first, end = map(int, given.seeds.split(":"))
+    if given.output is not None:
+        given.output.mkdir(parents=True, exist_ok=True)
+    scenes = [Task(FAMILIES[name], radars_of(FAMILIES[name])[0], seed, ("ours",), given.sweeps)
+              for seed in range(first, end) for name in given.family]  # fmt: skip
+    rows = folded_without(scenes, None if given.output is None else given.output / "folds.jsonl")
+    table = Table(title=f"hidden things, without one part; {len(scenes)} scenes")
+    for heading in ("without", *FIGURES.values(), "falls in", "rises in", "most"):
         table.add_column(heading, justify="left" if heading == "without" else "right")
+    # What is not found at all has an F-score of zero.
+    scores = {part: np.array([one["f_score_cells"] or 0.0 for one in made]) for part, made in rows.items()}
     for part, made in rows.items():
-        table.add_row(part, *(f"{value:.3f}" for value in np.nanmean(made, axis=0)))
+        means = [np.mean([one[name] for one in made if one[name] is not None]) for name in FIGURES]
+        change = scores[part] - scores["(all parts)"]
+        moved = [] if part == "(all parts)" else [
+            str(np.sum(change < -0.01)), str(np.sum(change > 0.01)), f"{change[np.argmax(abs(change))]:+.3f}",
+        ]  # fmt: skip
+        table.add_row(part, *(f"{value:.3f}" for value in means), *moved)
     Console().print(table)
 
 
