@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+import mirrorfold as mf
+from mirrorfold.scenes.families import FAMILIES, draw, radars_of
+
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 
@@ -46,3 +49,17 @@ def test_an_ablation_leaves_out_what_steps_2_to_4_use(monkeypatch):
     assert len(replaced) >= 6
     for home, name in replaced:
         assert hasattr(home, name), f"{home.__name__} does not use {name}"
+
+
+@pytest.mark.slow
+def test_a_scene_is_folded_without_all_parts_at_once(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    from ablation import WITHOUT
+
+    for instead, _ in WITHOUT.values():
+        for home, names in instead.items():
+            for name, other in names.items():
+                monkeypatch.setattr(home, name, other)
+    scene = draw(FAMILIES["two walls"], 0, radar=radars_of(FAMILIES["two walls"])[2])
+    sweep = mf.simulate(scene)
+    assert mf.score(mf.fold(mf.focus(sweep), sweep=sweep), scene).points > 0
