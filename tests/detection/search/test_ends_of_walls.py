@@ -155,3 +155,20 @@ def test_what_shines_beyond_a_gap_at_the_end_of_a_wall_is_no_part_of_it(seed, le
     longest = max(find_mirrors(view, find_ridges(view)), key=lambda mirror: mirror.length)
     assert longest.length == pytest.approx(1.2 if whole else 1.0, abs=RANGE_CELL)
     assert errors(longest, start, end)[0] < 0.3
+
+
+@pytest.mark.parametrize(("turn", "mirrors"), [(0.0, 1), (3.0, 1), (15.0, 0)])
+def test_a_line_that_leaves_the_row_it_is_fitted_to_is_no_mirror(monkeypatch, turn, mirrors):
+    """Half a metre, fifteen cells: at its ends, a line turned by 3 degrees is half a cell off, by 15 degrees two."""
+    start, end = wall_at(np.array([0.2, 1.2]), 30.0, 0.5)
+    view, echoes, _ = look(*diffuse(start, end, 0))
+    cosine, sine = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    turning = np.array([[cosine, -sine], [sine, cosine]])
+
+    def askew(mirror, view):
+        half = turning @ (mirror.end - mirror.center)
+        return replace(mirror, start=mirror.center - half, end=mirror.center + half), 1e-3
+
+    monkeypatch.setattr("mirrorfold.detection.search.lines._fit", askew)
+    monkeypatch.setattr(_Lines, "_unbroken", lambda search, mirror: mirror)
+    assert len(find_mirrors(view, echoes)) == mirrors

@@ -55,6 +55,10 @@ less. Beyond the end of a row, a beam fades by 15 dB within a cell, so that long
 sweeps with 290 ends of walls, by rays and by full waves, even walls in half-shadow went on with -8.4 dB, and scattering
 among several objects, at the end of a short row, with -21.5 dB."""
 
+KEPT_SHARE = 0.75
+"""Least share of a row, between the ends of the line that is fitted to the image, that this line keeps within `NEAR`:
+it turns away from the flank of a round object that passed for a straight row."""
+
 SMALLEST_FILL = 0.55
 """Least share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
 
@@ -182,8 +186,11 @@ class _Lines(Search[LineMirror]):
         in_front = (before > BEFORE_LINE[0] * across) & (before <= BEFORE_LINE[1] * across)
         return bool(weight[np.abs(before) <= ON_LINE * across].sum() >= SMALLEST_CONTRAST * weight[in_front].sum())
 
-    def refined(self, mirror: LineMirror) -> LineMirror:
-        """The mirror, continued as far as its row goes on, faint echoes included, and fitted to the image."""
+    def refined(self, mirror: LineMirror) -> LineMirror | None:
+        """The mirror, continued as far as its row goes on, faint echoes included, and fitted to the image.
+
+        None if the fitted line leaves the row: `KEPT_SHARE`.
+        """
         points = self.every.position[self.every.visible]
         on_it = np.abs(mirror.beside(points)) <= NEAR * self.view.extent(points, mirror.normal)
         near = points[on_it]
@@ -199,6 +206,11 @@ class _Lines(Search[LineMirror]):
             if whole is mirror:
                 break
             mirror, stray = self._fitted(whole)
+        beside, along = mirror.beside(own.position), mirror.along(own.position)
+        within = (along >= 0.0) & (along <= mirror.length)
+        kept = within & (np.abs(beside) <= NEAR * self.view.extent(own.position, mirror.normal))
+        if self.tested and own.length[kept].sum() < KEPT_SHARE * own.length[within].sum():
+            return None
         front = _front(mirror, self.view)
         if stray < STRAY * front.depth:
             return mirror
