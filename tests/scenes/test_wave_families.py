@@ -94,7 +94,7 @@ def test_the_wrapping_radar_alone_is_too_coarse_in_frequency():
 
 @pytest.mark.slow
 def test_solver_takes_the_scene_and_agrees_about_its_size():
-    scene = draw("full-wave posts", 100)
+    scene = draw("full-wave curved", 100)
     cost = estimate(scene, solver="fullwave", tolerance=waves.TOLERANCE)
     assert cost.unknowns == unknowns(scene)
     assert cost.memory_gb < 1.0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import mirrorfold as mf
+from mirrorfold.cli.compiling import kernels_compiled_beside
 from mirrorfold.cli.options import OptionalOutput, command
 from mirrorfold.cli.results import (
     BODY,
@@ -74,7 +75,7 @@ def demo(
     names = (file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json")
     output_directory(out, names=names)
     text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
-    with directory_written_atomically(out, replaces=names) as directory:
+    with kernels_compiled_beside(), directory_written_atomically(out, replaces=names) as directory:
         (directory / file).write_text(text, encoding="utf-8")
         truth = mf.load_scene(directory / file)
         snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None

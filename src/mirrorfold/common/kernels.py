@@ -58,6 +58,12 @@ def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..
     return compiled
 
 
+def is_compiled(kernel: Any) -> bool:
+    """Whether a kernel need not be compiled, for any types of arguments: the disk holds it, or it is plain Python."""
+    cache = getattr(kernel, "_cache", None)
+    return cache is None or bool(cache._cache_file._load_index())
+
+
 def _cache_of(function: Callable[..., Any]) -> FunctionCache:
     """The cache of a function; in a temporary folder if no other folder is writable."""
     try:
