@@ -20,10 +20,10 @@ from mirrorfold.common.types import Array
 if TYPE_CHECKING:
     import xarray as xr
 
-BAND, FREQUENCIES = (290e9, 300e9), 201
+BAND, FREQUENCIES = (290e9, 300e9), 151
 """Start and stop [Hz] and number of the frequencies of the small sweep."""
 
-ANTENNAS, APERTURE = 161, 0.08
+ANTENNAS, APERTURE = 81, 0.04
 """Number and extent [m] of its antennas, the same for transmitters and receivers: enough for the fast algorithms."""
 
 WALL, THING = ((-0.1, 1.3), (0.6, 1.0)), ((0.35, 1.75), (0.5, 1.6))
