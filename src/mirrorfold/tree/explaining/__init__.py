@@ -20,8 +20,6 @@ With the order of the mirrors, in each of the `rounds`:
 
 With the whole tree, in the end (`explained_by_tree` calls them):
 
-* `late_edges`: it went to and fro between two walls, the edge of one sent it to the radar, and it comes from beyond
-  the ambiguous range.
 * `behind_walls`: its object would stand behind a known wall.
 * `behind_objects`: its object would stand behind a known object.
 * `to_and_fro`: it went to and fro between an object and a wall.

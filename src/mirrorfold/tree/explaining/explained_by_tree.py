@@ -18,8 +18,6 @@ from mirrorfold.tree.explaining.behind_walls import (
     flat_objects,
     prolonged_where_hidden,
 )
-from mirrorfold.tree.explaining.late_edges import late_edges
-from mirrorfold.tree.explaining.misplaced import LATE
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -28,8 +26,7 @@ from mirrorfold.tree.mirror_tree import MirrorTree
 def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
-    These would stand behind known walls or objects, went to and fro between an object and a wall, come from beyond the
-    ambiguous range by the edge of a wall, or may be side lobes.
+    These would stand behind known walls or objects, went to and fro between an object and a wall, or may be side lobes.
 
     Parameters
     ----------
@@ -38,13 +35,12 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
     bent : sequence of Mirror
         Curved rows of echoes that were not proved to be mirrors.
     """
-    by_chain, longer = found.tree.mirrors_by_chain(), prolonged_where_hidden(found)
+    longer = prolonged_where_hidden(found)
     if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them
         marks = {node.chain: behind_walls(node.objects, node.chain, longer, view) for node in found.tree.walk()}
         return _without(found, {chain: np.where(hidden, BEHIND, "") for chain, hidden in marks.items()})
     longer, turned_back = longer | flat_objects(found, view), to_and_fro(found, view)
     causes = (
-        (LATE, lambda node: late_edges(node.objects, by_chain, view)),
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
         (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
         (TO_AND_FRO, lambda node: turned_back[node.chain]),
