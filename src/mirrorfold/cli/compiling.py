@@ -12,13 +12,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mirrorfold.common.signals import ended_as_by_ctrl_c
-from mirrorfold.common.types import Array
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from mirrorfold.common.types import Array
 
 BAND, FREQUENCIES = (290e9, 300e9), 151
 """Start and stop [Hz] and number of the frequencies of the small sweep."""
@@ -60,6 +59,7 @@ def kernels_compiled_beside() -> Iterator[None]:
 
 def small_sweep() -> xr.Dataset:
     """A sweep of a rough wall, the image of a thing in it, and posts, as single scatterers."""
+    import numpy as np
     from scipy.constants import speed_of_light
 
     import mirrorfold as mf
@@ -83,6 +83,8 @@ def small_sweep() -> xr.Dataset:
 
 def _between(ends: Array, spacing: float) -> Array:
     """Places (n, 2) [m] from one of two ends (2, 2) [m] to the other, `spacing` [m] apart."""
+    import numpy as np
+
     count = round(float(np.hypot(*(ends[1] - ends[0]))) / spacing) + 1
     return ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
 
