@@ -1,17 +1,16 @@
 """What each part of the search for mirrors and of the judging of echoes adds: scores of the same scenes without it.
 
-    python benchmarks/ablation.py [--family NAME ...] [--seeds 0:2] [--sweeps DIR] [-o DIR]
+    python benchmarks/ablation.py [--family NAME ...] [--seeds 0:2] [--sweeps DIR]
 
 By default the scenes are those of the full-wave families of `mirrorfold.scenes.families`; --sweeps is a folder that
 keeps their sweeps, which take minutes each. The table holds means over the scenes: precision, completeness and F-score
 of hidden surfaces in resolution cells, the share of invented points, and in how many scenes F falls and rises by more
-than 0.01 without the part. The folder of -o holds a line for each fold, from which an interrupted command goes on.
+than 0.01 without the part.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from contextlib import ExitStack
 from pathlib import Path
 from types import ModuleType
@@ -112,28 +111,6 @@ def figures(scene: Any, image: xr.DataArray, sweep: xr.Dataset, part: str) -> Fi
     return {name: getattr(found, name) for name in FIGURES}
 
 
-def folded_without(scenes: list[Task], file: Path | None) -> dict[str, list[Figures]]:
-    """Figures of all scenes without each of the parts; a line for each is added to the file, and found there again."""
-    lines_there = file.read_text().splitlines() if file is not None and file.exists() else []
-    known = {(one["family"], one["seed"], one["without"]): one["figures"] for one in map(json.loads, lines_there)}
-    rows: dict[str, list[Figures]] = {part: [] for part in WITHOUT}
-    for task in scenes:
-        place = task.family.name, task.seed
-        if any((*place, part) not in known for part in WITHOUT):
-            scene = draw(task.family, task.seed, radar=task.radar)
-            sweep = simulated(task, scene)
-            image = mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD)
-        for part, made in rows.items():
-            if (*place, part) not in known:
-                known[*place, part] = figures(scene, image, sweep, part)
-                if file is not None:
-                    line = {"family": place[0], "seed": place[1], "without": part, "figures": known[*place, part]}
-                    with file.open("a") as open_file:
-                        open_file.write(json.dumps(line) + "\n")
-            made.append(known[*place, part])
-    return rows
-
-
 def main() -> None:
     """Fold all scenes without each of the parts, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -141,15 +118,18 @@ def main() -> None:
     parser.add_argument("--family", nargs="+", default=waves)
     parser.add_argument("--seeds", default="0:2", help="FIRST:END, END is left out")
     parser.add_argument("--sweeps", type=Path)
-    parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()
     first, end = map(int, given.seeds.split(":"))
-    if given.output is not None:
-        given.output.mkdir(parents=True, exist_ok=True)
-    scenes = [Task(FAMILIES[name], radars_of(FAMILIES[name])[0], seed, ("ours",), given.sweeps)
-              for seed in range(first, end) for name in given.family]  # fmt: skip
-    rows = folded_without(scenes, None if given.output is None else given.output / "folds.jsonl")
-    table = Table(title=f"hidden things, without one part; {len(scenes)} scenes")
+    rows: dict[str, list[Figures]] = {part: [] for part in WITHOUT}
+    for seed in range(first, end):
+        for name in given.family:
+            task = Task(FAMILIES[name], radars_of(FAMILIES[name])[0], seed, ("ours",), given.sweeps)
+            scene = draw(task.family, seed, radar=task.radar)
+            sweep = simulated(task, scene)
+            image = mf.focus(sweep, tolerance=TOLERANCE_TO_FOLD)
+            for part, made in rows.items():
+                made.append(figures(scene, image, sweep, part))
+    table = Table(title=f"hidden things, without one part; {len(rows['(all parts)'])} scenes")
     for heading in ("without", *FIGURES.values(), "falls in", "rises in", "most"):
         table.add_column(heading, justify="left" if heading == "without" else "right")
     # What is not found at all has an F-score of zero.
