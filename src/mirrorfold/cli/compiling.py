@@ -38,7 +38,7 @@ apart from each other are searched for their copies."""
 
 @contextmanager
 def kernels_compiled_beside() -> Iterator[None]:
-    """While the block runs, another process compiles the kernels that focus and fold a sweep.
+    """While the block runs, another process compiles the kernels that focus and fold a sweep of a floor plan.
 
     None is started where the kernels are compiled already or are never compiled, nor on a machine of one core.
     """

@@ -5,6 +5,7 @@ Outputs are checked before the work begins, so that hours of work are not lost t
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Literal
 
@@ -75,9 +76,11 @@ def demo(
     names = (file, "sweep.nc", RECONSTRUCTION, PICTURE, BODY, SPACE, REPORT, "score.json")
     output_directory(out, names=names)
     text = package_files("mirrorfold").joinpath("scenes", "shipped", file).read_text(encoding="utf-8")
-    with kernels_compiled_beside(), directory_written_atomically(out, replaces=names) as directory:
+    with directory_written_atomically(out, replaces=names) as directory, ExitStack() as beside:
         (directory / file).write_text(text, encoding="utf-8")
         truth = mf.load_scene(directory / file)
+        if truth.dimensions == 2:
+            beside.enter_context(kernels_compiled_beside())
         snr_db = DEMO_SNR_DB if truth.dimensions == 3 else None
         with progress("simulating the sweep") as report:
             sweep = mf.simulate(truth, snr_db=snr_db, progress=report)
