@@ -57,7 +57,8 @@ among several objects, at the end of a short row, with -21.5 dB."""
 
 KEPT_SHARE = 0.75
 """Least share of a row, between the ends of the line that is fitted to the image, that this line keeps within `NEAR`:
-it turns away from the flank of a round object that passed for a straight row."""
+it turns away from the flank of a round object that passed for a straight row. Of some 230 rows in 11 corridors six had
+less, 0.41 to 0.66, and were turned by 7 to 41 degrees; all others had 0.78 or more."""
 
 SMALLEST_FILL = 0.55
 """Least share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
@@ -206,10 +207,7 @@ class _Lines(Search[LineMirror]):
             if whole is mirror:
                 break
             mirror, stray = self._fitted(whole)
-        beside, along = mirror.beside(own.position), mirror.along(own.position)
-        within = (along >= 0.0) & (along <= mirror.length)
-        kept = within & (np.abs(beside) <= NEAR * self.view.extent(own.position, mirror.normal))
-        if self.tested and own.length[kept].sum() < KEPT_SHARE * own.length[within].sum():
+        if self.tested and self._kept_share(mirror, own) < KEPT_SHARE:
             return None
         front = _front(mirror, self.view)
         if stray < STRAY * front.depth:
@@ -224,6 +222,13 @@ class _Lines(Search[LineMirror]):
         line, deviation = _fit(mirror, self.view)
         fitted = replace(mirror, start=line.start, end=line.end, angle_error=line.angle_error)
         return replace(fitted, offset_error=line.offset_error), deviation
+
+    def _kept_share(self, mirror: LineMirror, own: Echoes) -> float:
+        """Share of the row of echoes between the ends of a mirror, by length, that the mirror keeps within `NEAR`."""
+        along, across = mirror.along(own.position), self.view.extent(own.position, mirror.normal)
+        between = np.where((along >= 0.0) & (along <= mirror.length), own.length, 0.0)
+        kept = np.abs(mirror.beside(own.position)) <= NEAR * across
+        return float(between[kept].sum() / max(between.sum(), np.finfo(float).tiny))
 
     def _continued(self, mirror: LineMirror, own: Echoes) -> LineMirror:
         """The mirror up to the last echoes of its row, its `own`, unless what follows is too faint: `FAINTER_RATIO`."""
