@@ -41,20 +41,22 @@ TILE_PIXELS = 512
 TABLE_BYTES = 128 * 2**20
 """Memory [bytes] for the range-compressed pairs that are held at once."""
 
-MONOSTATIC_BLOCK = 64
-"""Positions of one moving antenna that are range-compressed together."""
+MONOSTATIC_BLOCK, MONOSTATIC_PIXELS = 64, 2048
+"""Positions of one moving antenna that are range-compressed, and summed on a tile, together; and pixels of a tile, at
+most. Each position's tables are used once, so those of few positions need to be held, and a tile may be larger."""
 
 
 def _tiles(problem: Problem, largest_diagonal: float) -> list[tuple[slice, slice, slice]]:
-    """Boxes (z, y, x) of at most TILE_PIXELS pixels that cover the image, with no larger diagonal [m] if possible."""
+    """Boxes (z, y, x) of few pixels that cover the image, with no larger diagonal [m] than this if possible."""
     axes = (problem.z, problem.y, problem.x)
+    most = MONOSTATIC_PIXELS if problem.monostatic else TILE_PIXELS
     sizes = [1, 1, 1]
     limit = largest_diagonal / np.sqrt(3.0)
-    for axis, share in ((2, 32), (1, 16), (0, 1), (1, TILE_PIXELS), (2, TILE_PIXELS), (0, TILE_PIXELS)):
+    for axis, share in ((2, 32), (1, 16), (0, 1), (1, most), (2, most), (0, most)):
         n = axes[axis].size
         pitch = abs(axes[axis][-1] - axes[axis][0]) / max(n - 1, 1)
         fits = n if pitch == 0.0 else max(1, int(min(limit / pitch, n)))
-        room = TILE_PIXELS // int(np.prod([s for i, s in enumerate(sizes) if i != axis]))
+        room = most // int(np.prod([s for i, s in enumerate(sizes) if i != axis]))
         sizes[axis] = max(sizes[axis], min(n, share, fits, room))
     starts = [range(0, a.size, s) for a, s in zip(axes, sizes, strict=True)]
     return [
@@ -195,16 +197,19 @@ def _focus_tile(
         tile_tables(pixel_x, pixel_y, pixel_z, element, ways * cells_per_metre, ways * middle, reference, delay, re, im)
         return reference, delay, re, im
 
+    out = np.zeros(count, dtype=np.complex64)
     if problem.monostatic:
         # Each position acts as a receiver with twice its path; the transmitter has path zero and phase factor one.
-        receiver = tabulate(problem.rx[chunk.start : chunk.stop], 2.0)
         nothing = np.zeros((1, count), dtype=np.float32)
         transmitter: Tables = (np.zeros(1), nothing, nothing + np.float32(1.0), nothing)
-        index = np.zeros(1, dtype=np.int64)
-    else:
-        receiver = tabulate(problem.rx, 1.0)
-        transmitter = receiver if folded else tabulate(problem.tx, 1.0)
-        index = np.arange(chunk.start, chunk.stop)
-    out = np.zeros(count, dtype=np.complex64)
+        alone = np.zeros(1, dtype=np.int64)
+        for n in range(0, len(chunk), MONOSTATIC_BLOCK):
+            block = chunk[n : n + MONOSTATIC_BLOCK]
+            receiver = tabulate(problem.rx[block.start : block.stop], 2.0)
+            sum_transmitters(table[n:], alone, alone, False, cells, margin, *transmitter, *receiver, out)
+        return out
+    receiver = tabulate(problem.rx, 1.0)
+    transmitter = receiver if folded else tabulate(problem.tx, 1.0)
+    index = np.arange(chunk.start, chunk.stop)
     sum_transmitters(table, start, index, folded, cells, margin, *transmitter, *receiver, out)
     return out

@@ -34,7 +34,7 @@ Planar = NDArray[np.float32]
 DIVISION_SLACK = 1.2
 """A block is not divided if its two halves, each undivided, would take more than this times as long as the block."""
 
-FINEST_PART = 1e-3
+FINEST_PART = 3e-4
 """Blocks that take less than this share of the exact sum's time are not divided: laying out would take longer than that
 could save."""
 
@@ -50,10 +50,10 @@ SPREAD_ANGLES = 5
 BAND_MARGIN = 1.1
 """Factor by which bands are widened: between these pixels the band may be wider than at them."""
 
-FACTORIZATION_SLOWDOWN = 15.0
+FACTORIZATION_SLOWDOWN = 8.0
 """Time of a multiplication in a matrix factorisation over that in a matrix product."""
 
-SCATTERED_SLOWDOWN = 1.5
+SCATTERED_SLOWDOWN = 1.3
 """Time of the exact sum on scattered samples over that on adjacent pixels, which find their tables in the cache."""
 
 SHARE_EXACT = 0.5
@@ -313,9 +313,10 @@ class FactorizedPlan:
         """Image (z, y, x) of one frame."""
         image = np.zeros(self.problem.shape, dtype=np.complex64)
         step = counted(progress, len(self.slabs))
-        for rows, slab in zip(self._rows, self.slabs, strict=True):
-            slab(s, image[:, rows])
-            step()
+        with one_thread():
+            for rows, slab in zip(self._rows, self.slabs, strict=True):
+                slab(s, image[:, rows])
+                step()
         return image
 
 
