@@ -18,6 +18,7 @@ from reading import refused
 from scipy.io import savemat
 
 import mirrorfold as mf
+from mirrorfold.common import memory
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import hdf5, read_contents
 
@@ -31,6 +32,18 @@ def test_empty_and_mislabelled_files_are_refused(tmp_path, suffix):
     refused(path, "empty")
     path.write_bytes(b"\x00\x01\x02 this is none of the formats" * 20)
     refused(path)
+
+
+def test_the_system_is_asked_for_free_memory_for_large_content_alone(tmp_path, monkeypatch):
+    """To ask takes a millisecond, and a scan may be thousands of files of a few kilobytes."""
+    asked = []
+    monkeypatch.setattr(memory, "available_memory", lambda: asked.append(1) or 1e12)
+    head, row = "# Hz S RI R 50\n", "%d 0 0\n"
+    for rows, times in ((400, 0), (40_000, 1)):
+        path = tmp_path / f"{rows}.s1p"
+        path.write_text(head + "".join(row % (1 + n) for n in range(rows)))
+        assert len(read_contents(path).spectra.frequency) == rows
+        assert len(asked) == times
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):

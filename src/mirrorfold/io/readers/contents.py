@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common import memory
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.memory import available_memory
 from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 
@@ -167,7 +167,9 @@ def check_memory(path: Path, size: float, what: str = "its content") -> None:
     ------
     InputError
     """
-    free = MEMORY_SHARE * available_memory()
+    if size < memory.HARMLESS_BYTES:  # a scan may consist of thousands of small files
+        return
+    free = MEMORY_SHARE * memory.available_memory()
     if size > free:
         raise InputError(
             f"{path}: {what} would take {size / 2**30:.3g} GiB of memory and {free / 2**30:.3g} GiB may be used; "
