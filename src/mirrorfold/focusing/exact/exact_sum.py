@@ -46,10 +46,15 @@ MONOSTATIC_BLOCK, MONOSTATIC_PIXELS = 64, 2048
 most. Each position's tables are used once, so those of few positions need to be held, and a tile may be larger."""
 
 
+def tile_pixels(problem: Problem) -> int:
+    """Pixels of a tile, at most."""
+    return MONOSTATIC_PIXELS if problem.monostatic else TILE_PIXELS
+
+
 def _tiles(problem: Problem, largest_diagonal: float) -> list[tuple[slice, slice, slice]]:
     """Boxes (z, y, x) of few pixels that cover the image, with no larger diagonal [m] than this if possible."""
     axes = (problem.z, problem.y, problem.x)
-    most = MONOSTATIC_PIXELS if problem.monostatic else TILE_PIXELS
+    most = tile_pixels(problem)
     sizes = [1, 1, 1]
     limit = largest_diagonal / np.sqrt(3.0)
     for axis, share in ((2, 32), (1, 16), (0, 1), (1, most), (2, most), (0, most)):

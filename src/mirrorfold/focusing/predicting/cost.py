@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.focusing.exact.accuracy import TEST_PIXELS
-from mirrorfold.focusing.exact.exact_sum import TABLE_BYTES, TILE_PIXELS
+from mirrorfold.focusing.exact.exact_sum import TABLE_BYTES, tile_pixels
 from mirrorfold.focusing.exact.pair_sums import PIXELS_A_BLOCK
 from mirrorfold.focusing.exact.range_tables import TERMS, table_cells
 from mirrorfold.focusing.lines.lattice import Lattice
@@ -83,7 +83,7 @@ def exact_cost(problem: Problem, pixels: float, tolerance: float, frequencies: i
     chunks = ceil(pairs * cells * TERMS * 8 / TABLE_BYTES)
     tables = problem.antennas * (1 if problem.monostatic else chunks)
     memory = TABLE_BYTES if chunks > 1 else pairs * cells * TERMS * 8
-    calls = chunks * pixels / TILE_PIXELS * TILE_CALL
+    calls = chunks * pixels / tile_pixels(problem) * TILE_CALL
     return Cost(0.0, exact_seconds(cells, pairs, tables, pixels) + calls, memory)
 
 
