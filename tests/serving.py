@@ -25,16 +25,24 @@ def two_walls():
     return radar_image(*together(*parts), np.linspace(-2.2, 2.4, 461), np.linspace(0.3, 2.9, 261))
 
 
+def opened(path, scene=None, **options):
+    """A session that has opened its file."""
+    session = Session(path, scene, **options)
+    limit = time.monotonic() + 60
+    while session.state["status"] == "busy" and time.monotonic() < limit:
+        time.sleep(0.02)
+    return session
+
+
 @contextmanager
 def served(path, scene=None, **options):
-    """A server in a thread of its own, once it has opened its file."""
-    session = Session(path, scene, **options)
+    """A server in a thread of its own, once it has opened its file; no fold is left running beside the next test."""
+    session = opened(path, scene, **options)
     with Server(session) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
         thread.start()
-        limit = time.monotonic() + 60
-        while session.state["status"] == "busy" and time.monotonic() < limit:
-            time.sleep(0.02)
         yield server
         server.shutdown()
         thread.join()
+    with session._lock:  # which a fold holds
+        pass

@@ -7,12 +7,12 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
+from serving import opened
 from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import reflect, segment_normal
-from mirrorfold.viewing.session import Session
 
 WALL, OBJECT = np.array([[0.5, 1.8], [0.9, 0.9]]), np.array([[-0.2, 1.9], [-0.06, 1.95]])
 
@@ -87,13 +87,6 @@ def old_volume(folded_scan, tmp_path, monkeypatch):
 def mirrors_of(tree):
     held = tree["mirrors"].to_dataset(inherit=False)
     return np.stack([held[f"folded_{name}"].values for name in ("x0", "y0", "x1", "y1")], axis=-1)
-
-
-def opened(path):
-    session = Session(path)
-    worker = session.open()
-    worker.join(60)
-    return session
 
 
 @pytest.mark.slow

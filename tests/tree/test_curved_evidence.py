@@ -19,7 +19,7 @@ from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import curved, evidence
 from mirrorfold.tree.assignment import Found, assign_echoes
-from mirrorfold.tree.curved import candidates, find_curved, shows_new, without_bent
+from mirrorfold.tree.curved import FEWEST_CELLS, candidates, find_curved, shows_new, without_bent
 from mirrorfold.tree.evidence import (
     KNOWN_CELLS,
     Evidence,
@@ -29,6 +29,7 @@ from mirrorfold.tree.evidence import (
     evidence_of,
     filled_cells,
     known_places,
+    with_rows,
 )
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import order_mirrors
@@ -247,30 +248,31 @@ class Tried:
         return found_with(self.view, list(besides), echoes.position)
 
 
-def curved_of(view, monkeypatch, places, *proposed):
+def curved_of(view, places, *proposed):
     """What is found where those arcs are proposed in turn."""
-    steps, rounds = Tried(view, places), iter(proposed)
-    monkeypatch.setattr(curved, "candidates", lambda found, view: next(rounds))
+    tried, rounds = Tried(view, places), iter(proposed)
     first = found_with(view, [], places)
-    return find_curved(first, view, Steps(steps.find_echoes, steps.quick_pass, steps.full_pass))[0], first, steps
+    steps = Steps(tried.find_echoes, tried.quick_pass, tried.full_pass)
+    enough = {"fewest": FEWEST_CELLS, "is_enough": shows_new}
+    return with_rows(first, view, steps, proposed=lambda found, view: next(rounds), **enough)[0], first, tried
 
 
 ASIDE = replace(PILLAR, middle=np.array([0.9, 1.0]), first=np.pi - 0.6)
 """A pillar with nothing behind it."""
 
 
-def test_nothing_changes_where_no_arc_is_a_mirror(view, monkeypatch):
-    found, first, steps = curved_of(view, monkeypatch, SHOWN, [])
+def test_nothing_changes_where_no_arc_is_a_mirror(view):
+    found, first, steps = curved_of(view, SHOWN, [])
     assert found is first
     assert not steps.through
     # Too little behind it: steps 2 to 4 are not even tried.
-    found, first, steps = curved_of(view, monkeypatch, SHOWN[:2], [PILLAR])
+    found, first, steps = curved_of(view, SHOWN[:2], [PILLAR])
     assert found is first
     assert len(steps.through) == 1
     assert not steps.glanced
     # Enough behind it, but all of that is known: a glance tells.
     known = [*SHOWN, *fold_of([PILLAR], 2)(SHOWN)]
-    found, first, steps = curved_of(view, monkeypatch, known, [PILLAR])
+    found, first, steps = curved_of(view, known, [PILLAR])
     assert found is first
     assert steps.glanced == [[PILLAR]]
     assert not steps.tried
@@ -287,21 +289,21 @@ def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_
     assert steps.glanced == [[PILLAR]]
 
 
-def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view, monkeypatch):
-    found, first, steps = curved_of(view, monkeypatch, SHOWN, [PILLAR, ASIDE], [])
+def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view):
+    found, first, steps = curved_of(view, SHOWN, [PILLAR, ASIDE], [])
     assert steps.tried == [[PILLAR]]
     assert steps.earlier == [first]
     assert [node.line for node in found.tree.walk()] == [None, PILLAR]
     assert steps.through[-1] == [PILLAR]
 
 
-def test_arcs_that_others_show_are_looked_for_once_more(view, monkeypatch):
+def test_arcs_that_others_show_are_looked_for_once_more(view):
     """In the second round those of the first are kept, and not proposed twice."""
     right = ArcMirror(middle=np.array([0.9, 1.2]), radius=0.3, first=np.pi - 0.5, span=np.pi, radar=np.zeros(2))
     unit = right.middle / np.linalg.norm(right.middle)
     places = [*SHOWN, *(distance * unit for distance in (1.8, 2.1, 2.4))]
     again = replace(PILLAR, middle=np.array([0.0, 1.31]))
-    found, _, steps = curved_of(view, monkeypatch, places, [PILLAR], [again, right])
+    found, _, steps = curved_of(view, places, [PILLAR], [again, right])
     assert steps.tried == [[PILLAR], [PILLAR, right]]
     assert {node.line for node in found.tree.walk()} == {None, PILLAR, right}
 
