@@ -123,6 +123,31 @@ def test_help_compiles_and_reads_nothing(verb):
     assert imported.isdisjoint({"numpy", "scipy", "xarray", "numba", "matplotlib", "h5py"})
 
 
+IMPORTS_OF_OTHER_THREADS = """
+import sys, threading
+found = []
+class Watch:
+    def find_spec(self, name, path=None, target=None):
+        if name.startswith("mirrorfold") and threading.current_thread() is not threading.main_thread():
+            found.append(name)
+sys.meta_path.insert(0, Watch())
+from mirrorfold.cli import main
+assert main(sys.argv[1:]) == 0
+print("imported beside:", *found)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("verb", "output"), [("focus", "image.nc"), ("reconstruct", "out")])
+def test_the_thread_that_reads_beside_imports_no_module_of_ours(tmp_path, sweep, verb, output):
+    """Imports of two threads at once may meet modules that are only half loaded."""
+    path = mf.save(sweep, tmp_path / "sweep.nc")
+    grid = ["--x", "-0.2:0.2:0.01", "--y", "0.2:0.55:0.01"]
+    code = [sys.executable, "-c", IMPORTS_OF_OTHER_THREADS, verb, str(path), "-o", str(tmp_path / output), *grid]
+    result = subprocess.run(code, capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == "imported beside:"
+
+
 @pytest.fixture
 def recordings(tmp_path, monkeypatch, sweep):
     """A recording of two frames as a sweep, its image, and the second frame alone, in a folder."""

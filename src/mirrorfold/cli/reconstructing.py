@@ -279,6 +279,9 @@ def _read_beside(
     described : Future of SweepFacts
         Facts and remarks about the sweep.
     """
+    # Two threads must not import at once: what the other one needs, for `info` and `one_frame`, is imported here.
+    import mirrorfold.describing.sweeps
+    import mirrorfold.folding.frames  # noqa: F401
     from mirrorfold.focusing import plan_cache, prepare
     from mirrorfold.io import load_geometry
 

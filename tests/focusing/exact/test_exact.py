@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mirrorfold.focusing.exact.direct_sum import direct_sum
-from mirrorfold.focusing.exact.exact_sum import focus_exact
+from mirrorfold.focusing.exact.exact_sum import MONOSTATIC_BLOCK, MONOSTATIC_PIXELS, focus_exact
 from mirrorfold.focusing.exact.range_tables import interpolation_error, table_cells
 
 
@@ -33,6 +33,16 @@ def test_exact_kernel_holds_its_tolerance(tolerance):
     p = problem(line(12, 0.5e-3), line(12, 0.5e-3), BAND, np.linspace(-0.4, 0.4, 23), np.linspace(0.2, 1.4, 31))
     s = noise(p.data_shape)
     assert relative_error(focus_exact(p, s, tolerance), p, s) <= tolerance
+
+
+def test_exact_kernel_for_more_positions_and_pixels_than_are_summed_together():
+    """Of one moving antenna, some of the positions and a tile of the pixels are summed at a time."""
+    place = line(2 * MONOSTATIC_BLOCK + 5, 1e-3)
+    x, y = np.linspace(-0.4, 0.4, 61), np.linspace(0.2, 1.4, 83)
+    p = problem(place, place, BAND, x, y, monostatic=True)
+    assert p.pixels > 2 * MONOSTATIC_PIXELS
+    s = noise(p.data_shape)
+    assert relative_error(focus_exact(p, s, 1e-4), p, s, pixels=200) <= 1e-4
 
 
 def test_interpolation_error_is_what_is_predicted():

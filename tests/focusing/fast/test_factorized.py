@@ -9,7 +9,9 @@ from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 from profiles import examples
 from scipy.constants import speed_of_light
+from threadpoolctl import threadpool_info, threadpool_limits
 
+from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.fast import factorized
 from mirrorfold.focusing.fast.bandlimited import Axis
 from mirrorfold.focusing.problem import UnsuitedError
@@ -43,6 +45,22 @@ def test_factorized_path_for_one_antenna_moved_over_a_plane(divide_always):
     divided = factorized.FactorizedPlan(p, 1e-3)
     assert any(slab.whole.parts for slab in divided.slabs)
     assert relative_error(divided(s), p, s, pixels=200) <= 1e-3
+
+
+def test_linear_algebra_does_not_spin_beside_the_sums(divide_always, monkeypatch):
+    threads = []
+
+    def counted(*given):
+        threads.append({one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"})
+        return focus_exact(*given)
+
+    monkeypatch.setattr(factorized, "focus_exact", counted)
+    tx = plane(6, 5, 4e-3)
+    p = problem(tx, tx, BAND, np.linspace(-0.3, 0.2, 30), np.linspace(0.6, 1.0, 30), np.zeros(1), monostatic=True)
+    with threadpool_limits(2, "blas"):
+        factorized.FactorizedPlan(p, 1e-2)(noise(p.data_shape))
+    assert threads
+    assert all(used == {1} for used in threads)
 
 
 @pytest.mark.slow
