@@ -13,7 +13,7 @@ PROC = Path("/proc")
 CGROUPS = Path("/sys/fs/cgroup")
 """Folder of the control groups."""
 
-HARMLESS_BYTES = 1e6
+UNASKED_BYTES = 1e6
 """For less than this, the system is not asked how much memory is free."""
 
 CGROUP_FILES = {
@@ -64,7 +64,7 @@ def check_room(nbytes: float, what: str, remedy: str, limit: float | None = None
     InputError
         With the memory that is needed, the memory that is free, and the remedy.
     """
-    if nbytes < HARMLESS_BYTES:
+    if nbytes < UNASKED_BYTES:
         return
     free = room_below(limit)
     if nbytes > free:

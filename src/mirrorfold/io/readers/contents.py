@@ -167,7 +167,7 @@ def check_memory(path: Path, size: float, what: str = "its content") -> None:
     ------
     InputError
     """
-    if size < memory.HARMLESS_BYTES:  # a scan may consist of thousands of small files
+    if size < memory.UNASKED_BYTES:  # a scan may consist of thousands of small files
         return
     free = MEMORY_SHARE * memory.available_memory()
     if size > free:
