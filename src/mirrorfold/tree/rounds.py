@@ -18,13 +18,13 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
-from mirrorfold.detection.finding import Finder, find_mirrors
+from mirrorfold.detection.finding import Finder, find_mirrors, usual_settings
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
-from mirrorfold.tree.explaining.corners import vertices
+from mirrorfold.tree.explaining.corners import bright_places, lone_legs, vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 from mirrorfold.tree.explaining.late_walls import from_late_walls
@@ -109,9 +109,9 @@ def find_tree(
         blurs = searched and share is not None and reasons.blur(share, clear & (order.face >= 0))
         corners = np.zeros((0, 2))
         if searched and measured.corners is not None and isinstance(view, ImageView):
-            crossed = vertices(order.mirrors)
-            crossed = crossed[~view.near_corner(crossed)]
-            corners = crossed[measured.corners(crossed)]
+            asked = np.concatenate([vertices(order.mirrors), bright_places(order.mirrors, view)])
+            asked = asked[~view.near_corner(asked)]
+            corners = asked[measured.corners(asked)]
         if reasons.stays.all() and not blurs and not len(corners):
             break
         walls = None if walls is None else walls[reasons.stays]
@@ -232,6 +232,10 @@ def agreed(
         tested, length = not settings.published, settings.minimum_length
         rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
         mirrors = find(view, rows, minimum_length=length, tested=tested, known=known)
+        if known is None and isinstance(view, ImageView) and len(view.corners):
+            shortest = length or usual_settings(view, echoes)["minimum_length"]
+            lone = lone_legs(mirrors, view, shortest)
+            mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
         mirrors = overhangs.on(mirrors, view)
         order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
         # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene.

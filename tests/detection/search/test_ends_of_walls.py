@@ -119,10 +119,25 @@ def test_two_lines_are_told_from_one():
     along, noise = np.linspace(0.0, 1.0, 80), 1e-3 * random.standard_normal(80)
     weight = np.ones(80)
     assert split_in_two(along, noise, weight)[1] > 0.8
-    place, left = split_in_two(along, noise + np.where(along > 0.7, 0.01, 0.0), weight)
+    place, left, apart = split_in_two(along, noise + np.where(along > 0.7, 0.01, 0.0), weight)
     assert place == pytest.approx(0.7, abs=0.03)
     assert left < 0.2
-    assert split_in_two(along[:3], noise[:3], weight[:3]) == (along[2], 1.0)
+    assert apart == pytest.approx(0.01, rel=0.2)
+    turned = split_in_two(along, noise + 0.05 * np.maximum(0.3 - along, 0.0), weight)
+    assert turned[0] == pytest.approx(0.3, abs=0.05)
+    assert turned[2] == pytest.approx(0.05 * 0.3, rel=0.2)
+    assert split_in_two(along[:3], noise[:3], weight[:3]) == (along[2], 1.0, 0.0)
+
+
+@pytest.mark.parametrize(("off", "whole"), [(0.1, True), (0.4, False)])
+def test_only_what_leaves_the_line_of_a_wall_is_cut_off(off, whole, monkeypatch):
+    """Whatever the residuals say: a tenth of a cell is no other object."""
+    monkeypatch.setattr("mirrorfold.detection.search.lines.BREAK", 0.0)
+    monkeypatch.setattr("mirrorfold.detection.search.lines.SPREAD_CELLS", 0.1)
+    start, end = wall_at(np.array([0.2, 1.3]), 0.0, 0.8)
+    middle, beside = start + 0.75 * (end - start), off * RANGE_CELL * np.array([0.0, 1.0])
+    mirror = look(*together(diffuse(start, middle, 3), diffuse(middle + beside, end + beside, 4)))[2][0]
+    assert mirror.length == pytest.approx(0.8 if whole else 0.6, abs=0.06)
 
 
 def lengths(seed, inside):

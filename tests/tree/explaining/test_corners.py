@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from echo_shapes import array, corner, face, point, sweep_of, view_of
 from numpy.testing import assert_allclose, assert_array_equal
+from synthetic import diffuse, empty_view, on_line, radar_view, together
 
 import mirrorfold as mf
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.tree.explaining.corners import vertices
+from mirrorfold.tree.explaining.corners import bright_places, lone_legs, vertices
 from mirrorfold.tree.explaining.misplaced import are_corners
 from mirrorfold.tree.explaining.waves import SweepWaves
 
@@ -40,6 +41,36 @@ def test_rows_that_cross_have_a_vertex():
     crossed = vertices([LineMirror(np.array(start), np.array(end)) for start, end in rows])
     assert_allclose(crossed, [[0.0, 1.2], [0.3, 1.75]], atol=1e-12)
     assert vertices([]).shape == (0, 2)
+
+
+@pytest.mark.parametrize(("db", "bright"), [(12.0, False), (22.0, True)])
+def test_a_row_has_a_bright_place_where_a_vertex_may_be(db, bright):
+    start, end = np.array([-0.2, 1.1]), np.array([0.15, 1.25])
+    place = start + 0.4 * (end - start)
+    rough = diffuse(start, end, 3)
+    usual = radar_view(*rough)
+    power = usual.power_at(*usual.to_polar(on_line(start, end)))
+    row = LineMirror(start, end, strength=float(np.sqrt(np.median(power))))
+    level = row.strength / radar_view(place[None], np.ones(1)).amplitude.max() * 10.0 ** (db / 20.0)
+    view = radar_view(*together(rough, (place[None], [level])))
+    found = bright_places([row], view)
+    assert len(found) == bright
+    assert_allclose(found, np.reshape([place] * bright, (-1, 2)), atol=0.02)
+
+
+def test_a_row_through_a_known_vertex_is_no_mirror_if_nothing_crosses_it_there():
+    view = empty_view()
+    row = LineMirror(np.array([-0.2, 1.1]), np.array([0.15, 1.25]))
+    other = LineMirror(np.array([0.05, 1.0]), np.array([-0.1, 1.35]))
+    (vertex,) = vertices([row, other])
+    told = view.told(corners=vertex[None])
+    assert lone_legs([row], told, 0.3) == [True]
+    assert lone_legs([row, other], told, 0.3) == [False, False]
+    assert lone_legs([row], told, 0.15) == [False]  # one of the halves is as long as a mirror
+    assert lone_legs([row], view, 0.3) == [False]
+    at_its_end = view.told(corners=row.start[None])
+    beside = view.told(corners=vertex[None] + [0.0, 0.2])
+    assert lone_legs([row], at_its_end, 0.3) == lone_legs([row], beside, 0.3) == [False]
 
 
 @pytest.mark.slow

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from partial_glint import GLINT, glint_image
 from synthetic import diffuse, radar_image, radar_view, together
 
 import mirrorfold as mf
@@ -45,3 +48,28 @@ def explained(below_db):
 @pytest.mark.parametrize(("below_db", "told"), [(24.0, {""}), (43.0, {OUTSHONE})])
 def test_a_point_beside_a_glint_is_explained_by_it_if_it_is_far_weaker(below_db, told):
     assert explained(below_db) == told
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("partly", [False, True])
+def test_a_glint_that_half_of_the_pairs_see_is_no_ring_of_objects(partly):
+    objects = mf.fold(glint_image(partly=partly))["objects"].to_dataset(inherit=False)
+    away = np.hypot(objects["x_initial"] - GLINT[0], objects["y_initial"] - GLINT[1]).values > 0.1
+    assert set(objects["explanation"].values[away].tolist()) == ({OUTSHONE} if partly else set())
+    assert np.count_nonzero(away) == pytest.approx(500 if partly else 0, abs=150)
+    assert "" in objects["explanation"].values[~away]
+
+
+@pytest.mark.parametrize(("gap", "told"), [(False, True), (True, False)])
+def test_lobes_grow_towards_their_glint_and_objects_end(gap, told):
+    """A weak echo at the range of a glint is an object of its own if the image is dark between both."""
+    view = radar_view(np.array([BRIGHT]), np.array([100.0]))
+    range_, u = view.to_polar(BRIGHT)
+    ring = view.part_lobes(100.0, view.u - u) * 0.9
+    ring[np.abs(view.u - u + 0.15) < 2.0 * view.u_cell] *= 0.1 if gap else 1.0
+    amplitude = np.maximum(view.amplitude, np.exp(-(((view.range - range_) / view.range_cell) ** 2))[:, None] * ring)
+    view = replace(view, amplitude=amplitude)
+    echoes = find_ridges(view, threshold_db=-60.0)
+    beyond = echoes.take(np.abs(view.u[echoes.direction] - u + 0.25) < 0.05)
+    assert len(beyond) > 0
+    assert (outshone(beyond, view) == told).all()

@@ -186,12 +186,12 @@ def power_centroids(mirror: Mirror, view: View, reach: float, lobe: float, clip:
     return np.asarray(base[bright] + centroid[:, None] * beyond[bright]), weight
 
 
-def split_in_two(along: Array, beside: Array, weight: Array) -> tuple[float, float]:
+def split_in_two(along: Array, beside: Array, weight: Array) -> tuple[float, float, float]:
     """Split a row of points into the two that are best fitted by two straight lines, which need not touch.
 
     `along` and `beside` (n,) [m] are the positions of the points along the row and their distances from it. Returns the
-    position [m] between the two rows, and the weighted sum of squared residuals of the two lines, relative to that of
-    one line.
+    position [m] between the two rows; the weighted sum of squared residuals of the two lines, relative to that of one
+    line; and how far the shorter row leaves the line of the longer one [m].
     """
     order = np.argsort(along)
     x, y, w = along[order] - along.mean(), beside[order] - beside.mean(), weight[order]
@@ -200,12 +200,16 @@ def split_in_two(along: Array, beside: Array, weight: Array) -> tuple[float, flo
     ends = np.unique(np.searchsorted(x, x[0] + np.linspace(*BREAKS, TRIED_BREAKS) * (x[-1] - x[0])))
     ends = ends[(ends > 2) & (ends < len(x) - 2)]
     if not ends.size:
-        return float(along.max()), 1.0
+        return float(along.max()), 1.0, 0.0
     residual = _line_residual(before[ends - 1]) + _line_residual(before[-1] - before[ends - 1])
     least = int(np.argmin(residual))
     end = int(ends[least])
     place = 0.5 * (x[end - 1] + x[end]) + along.mean()
-    return float(place), float(residual[least] / max(float(_line_residual(before[-1])), np.finfo(float).tiny))
+    left = float(residual[least] / max(float(_line_residual(before[-1])), np.finfo(float).tiny))
+    shorter = x[end:] if x[-1] - x[end] < x[end - 1] - x[0] else x[:end]
+    lines = np.array([_line(before[end - 1]), _line(before[-1] - before[end - 1])])
+    apart = np.diff(lines @ np.vander(shorter[[0, -1]], 2, increasing=True).T, axis=0)
+    return float(place), left, float(np.abs(apart).max())
 
 
 def parabola_residual(along: Array, beside: Array, weight: Array) -> float:
@@ -219,6 +223,13 @@ def parabola_residual(along: Array, beside: Array, weight: Array) -> float:
         fit = np.linalg.lstsq(root[:, None] * design[:, :terms], root * beside, rcond=None)[0]
         residual.append(float(np.sum(weight * (beside - design[:, :terms] @ fit) ** 2)))
     return residual[1] / max(residual[0], float(np.finfo(float).tiny))
+
+
+def _line(sums: Array) -> Array:
+    """The best line, its height at zero and its slope, (2,), from the same sums (6,) as for `_line_residual`."""
+    w, x, y, xx, xy, _ = sums
+    slope = (xy - x * y / w) / max(xx - x * x / w, np.finfo(float).tiny)
+    return np.array([(y - slope * x) / w, slope])
 
 
 def _line_residual(sums: Array) -> Array:

@@ -28,6 +28,7 @@ from mirrorfold.detection.search.fronts import Front, find_front
 from mirrorfold.detection.search.growing import NEAR, Search
 from mirrorfold.detection.search.remembered import remembered
 from mirrorfold.detection.search.rows import heaviest_row
+from mirrorfold.detection.search.side_lobes import are_side_lobes
 from mirrorfold.detection.views.image_view import ImageView
 
 MINIMUM_CELLS = 7.75
@@ -106,6 +107,11 @@ to either side: it is 0.07 to 0.09. Walls that scatter from inside have 0.1 to 0
 depth, so that one in ten such walls of a metre would exceed `BREAK`. So `BREAK` is multiplied by the median variance of
 a row over `LOBE_SPREAD`; but only in line of sight, for wide rows behind objects are mostly multiple scattering."""
 
+LEAST_APART = 0.15
+"""Least distance, in resolution cells, by which one part of such a row in line of sight leaves the line of the other.
+Long walls fade at their ends, into the half-shadow of another edge, and a few bright speckles there sway by 0.1 cells:
+three far walls of 20 random corridors would be cut. An object at the end of a wall left its line by 0.7 and 0.8."""
+
 SPREAD_SAMPLES = 21
 """Number of samples of the profiles from which that variance is computed."""
 
@@ -164,7 +170,7 @@ class _Lines(Search[LineMirror]):
             points = self.echoes.position[member]
             along, beside = mirror.along(points), mirror.beside(points)
             weight = self.weight[member] / self.square(mirror.normal, member)
-            place, left = split_in_two(along, beside, weight)
+            place, left, _ = split_in_two(along, beside, weight)
             longer = (along <= place) == (place >= 0.5 * mirror.length)
             if left > NO_BOW * parabola_residual(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
                 return None
@@ -176,7 +182,7 @@ class _Lines(Search[LineMirror]):
         return None
 
     def passes(self, mirror: LineMirror) -> bool:
-        """Whether echoes fill the mirror, and outweigh those in a band of the same width in front of it."""
+        """Whether echoes fill the mirror, outweigh those in a band of equal width before it, and are no side lobes."""
         short = np.clip(2.0 - mirror.length / self.minimum_length, 0.0, 1.0)
         if mirror.fill < SMALLEST_FILL + short * (SMALLEST_FILL_SHORT - SMALLEST_FILL):
             return False
@@ -185,7 +191,11 @@ class _Lines(Search[LineMirror]):
         weight = np.where((position >= 0.0) & (position <= mirror.length), self.weight, 0.0)
         across = np.sqrt(self.square(mirror.normal))
         in_front = (before > BEFORE_LINE[0] * across) & (before <= BEFORE_LINE[1] * across)
-        return bool(weight[np.abs(before) <= ON_LINE * across].sum() >= SMALLEST_CONTRAST * weight[in_front].sum())
+        on_it = np.abs(before) <= ON_LINE * across
+        if weight[on_it].sum() < SMALLEST_CONTRAST * weight[in_front].sum():
+            return False
+        own = np.flatnonzero(on_it & (weight > 0.0))
+        return not are_side_lobes(self.echoes.take(own), weight[own], self.view)
 
     def refined(self, mirror: LineMirror) -> LineMirror | None:
         """The mirror, continued as far as its row goes on, faint echoes included, and fitted to the image.
@@ -293,11 +303,14 @@ class _Lines(Search[LineMirror]):
 
     def _unbroken(self, mirror: LineMirror) -> LineMirror:
         """The mirror; or its longer part, where the row is two: a wall, and an object at its end almost in line."""
-        place, left, share = _split(mirror, self.view)
+        place, left, apart, share = _split(mirror, self.view)
         if not share:
             return mirror
         likelier = -share * mirror.independent(self.view) * np.log(max(left, np.finfo(float).tiny))
-        if likelier < BREAK or (self._in_sight(mirror) and likelier < BREAK * _spread(mirror, self.view) / LOBE_SPREAD):
+        if likelier < BREAK:
+            return mirror
+        needed = BREAK * max(1.0, _spread(mirror, self.view) / LOBE_SPREAD)
+        if self._in_sight(mirror) and (likelier < needed or apart < LEAST_APART):
             return mirror
         parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
         longer = max(parts, key=lambda part: part.length)
@@ -317,8 +330,9 @@ def _front(mirror: LineMirror, view: ImageView) -> Front:
 
 
 @remembered
-def _split(mirror: LineMirror, view: ImageView) -> tuple[float, float, float]:
-    """Where the row would break into two [m], and what is left of its squared residuals, see `fit.split_in_two`.
+def _split(mirror: LineMirror, view: ImageView) -> tuple[float, float, float, float]:
+    """Where the row would break into two [m], what is left of its squared residuals, and how far apart both rows are,
+    in resolution cells across the mirror, see `fit.split_in_two`.
 
     Also the share of its places from which this follows, zero where there are too few.
     """
@@ -329,8 +343,10 @@ def _split(mirror: LineMirror, view: ImageView) -> tuple[float, float, float]:
     first, last = view.extent(mirror.ends, mirror.direction)
     inside = (along >= first) & (along <= mirror.length - last)
     if np.count_nonzero(inside) < FEWEST_PLACES:
-        return 0.0, 1.0, 0.0
-    return *split_in_two(along[inside], beside[inside], weight[inside]), float(inside.mean())
+        return 0.0, 1.0, 0.0, 0.0
+    cell = view.extent(points[inside], mirror.normal)
+    place, left, apart = split_in_two(along[inside], beside[inside], weight[inside])
+    return place, left, apart / float(np.median(cell)), float(inside.mean())
 
 
 @remembered

@@ -289,6 +289,29 @@ class ImageView(View):
             half = nxt
         return claim
 
+    def part_lobes(self, level: Array, aside: Array) -> Array:
+        """Largest side lobes, at distances `aside` (n,) in u, of echoes of a `level` (n,) that part of the array sees.
+
+        A wall that ends throws its glint on a part of the pairs of antennas, which no window weighs. At its edge the
+        glint begins at once, so that the lobes fall as ``1 / (pi D u)`` in an array of D wavelengths.
+        """
+        length = 0.5 * (self.aperture_tx + self.aperture_rx)
+        return level / np.maximum(np.pi * length * np.abs(aside), 1.0)
+
+    def brightest_at(self, range_: Array) -> tuple[Array, Array]:
+        """Amplitude and u of the brightest place within a range cell of each range (n,) [m], (n,) each."""
+        level, column = self._brightest
+        rows = self.row(range_)[:, None] + np.arange(-SAMPLES_PER_CELL, SAMPLES_PER_CELL + 1)
+        rows = np.clip(rows, 0, level.size - 1)
+        brightest = rows[np.arange(len(rows)), level[rows].argmax(axis=1)]
+        return level[brightest], self.u[column[brightest]]
+
+    @cached_property
+    def _brightest(self) -> tuple[Array, Index]:
+        """Amplitude of the brightest place at each range, and the number of its direction, (nr,) each."""
+        column = self.amplitude.argmax(axis=1)
+        return self.amplitude[np.arange(column.size), column], column
+
     @cached_property
     def _power(self) -> Array:
         """Coefficients of the cubic splines through the power."""

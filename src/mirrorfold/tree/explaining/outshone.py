@@ -2,9 +2,9 @@
 
 The side lobes of a full aperture of equal antennas are known, and are never taken for echoes. The side lobes of a real
 array are higher. Antennas that differ by a few percent leave lobes 40 dB below a bright glint in all directions. And if
-only a part of the array, D wide, sees the glint, past the end of a mirror or beside an object, its lobes fall no faster
-than ``1 / (pi D u / lambda)``. Echoes as weak as that are left out once the whole tree is found. Until then they hide
-what is behind them, and a wall may go on through them.
+only a part of the array sees the glint, past the end of a mirror or beside an object, its lobes fall no faster than
+``1 / (pi D u / lambda)``, and no dark place separates them from the glint. Echoes as weak as that are left out once the
+whole tree is found. Until then they hide what is behind them, and a wall may go on through them.
 """
 
 from __future__ import annotations
@@ -21,8 +21,23 @@ OUTSHONE = "may be a side lobe of a much brighter one"
 OUTSHONE_DB = 40.0
 """An echo weaker by this than the brightest echo within a range cell of its range is no evidence of an object."""
 
+DARK_DB, RING_CELLS = 6.0, 5.0
+"""A place between an echo and a brighter one at the same range is dark if it is weaker by this than the echo, over a
+resolution cell: lobes grow towards their glint, and an object of its own ends somewhere. Echoes nearer to the glint
+than so many cells may be of the same object: a row of that length at one range may be a mirror."""
+
 
 def outshone(objects: Echoes, view: ImageView) -> Mask:
     """Which objects may be side lobes of brighter echoes at their range, (n,)."""
-    brightest = maximum_filter1d(view.amplitude.max(axis=1, initial=0.0), 2 * SAMPLES_PER_CELL + 1)
-    return np.asarray(objects.amplitude < brightest[view.row(objects.range)] * 10.0 ** (-OUTSHONE_DB / 20.0))
+    level, u = view.brightest_at(objects.range)
+    found = np.asarray(objects.amplitude < level * 10.0 ** (-OUTSHONE_DB / 20.0))
+    aside = np.abs(view.u[objects.direction] - u)
+    lobes = (objects.amplitude <= view.part_lobes(level, aside)) & (aside > RING_CELLS * view.u_cell)
+    row, column = view.row(objects.range), view.column(u)
+    for i in np.flatnonzero(lobes & ~found):
+        first, last = sorted((int(objects.direction[i]), int(column[i])))
+        rows = slice(max(row[i] - SAMPLES_PER_CELL, 0), row[i] + SAMPLES_PER_CELL + 1)
+        between = view.amplitude[rows, first : last + 1].max(axis=0)
+        least = maximum_filter1d(between, SAMPLES_PER_CELL).min()
+        found[i] = least >= objects.amplitude[i] * 10.0 ** (-DARK_DB / 20.0)
+    return found
