@@ -1,7 +1,8 @@
 """How mirrors are found among the echoes.
 
 `growing` is the search that lines and planes share; `lines`, `arcs`, `planes` and `round_sheets` find mirrors of these
-shapes (`round_sheets`: cylinders and spheres). `rows` finds unbroken rows of echoes. `fit` fits a mirror to the image
-itself, `joined` two arcs that pass into each other, and `fronts` finds the face of a wall that scatters from inside.
-`edge_on` finds walls along which the radar looks; `shadows` continues walls that objects hide in part.
+shapes (`round_sheets`: cylinders and spheres). `rows` finds unbroken rows of echoes, `side_lobes` rejects some. `fit`
+fits a mirror to the image itself, `joined` two arcs that pass into each other, and `fronts` finds the face of a wall
+that scatters from inside. `edge_on` finds walls along which the radar looks; `shadows` continues walls that objects
+hide in part.
 """

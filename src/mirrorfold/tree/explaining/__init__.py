@@ -7,7 +7,8 @@ With the sweep (`misplaced` calls the first three, once for each echo):
 * `wrapped`: it comes from beyond the ambiguous range.
 * `half_shadows`: only antennas that look past the end of a mirror receive it, or only those that look into the mirror.
 
-What these need of the sweep is in `waves` and `apertures`.
+What these need of the sweep is in `waves` and `apertures`. By the same waves `corners` finds the vertices of corners,
+through which no mirror goes on.
 
 With the order of the mirrors, in each of the `rounds`:
 
