@@ -71,7 +71,10 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "short rows": ({kinds: {"find_short": lambda found, *given, besides, **named: (found, besides, [])}}, {}),
     "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
     "rows that end where echoes are much fainter": ({lines: {"FAINTER_CELLS": np.inf}}, {}),
-    "rows that end at corners": ({rounds: {"vertices": lambda mirrors: np.zeros((0, 2))}}, {}),
+    "rows that end at corners": (
+        {rounds: {name: lambda *given: np.zeros((0, 2)) for name in ("vertices", "bright_places")}},
+        {},
+    ),
     "single legs of corners": ({rounds: {"lone_legs": lambda mirrors, *given: [False] * len(mirrors)}}, {}),
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),

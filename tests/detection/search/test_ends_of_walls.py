@@ -133,7 +133,6 @@ def test_two_lines_are_told_from_one():
 def test_only_what_leaves_the_line_of_a_wall_is_cut_off(off, whole, monkeypatch):
     """Whatever the residuals say: a tenth of a cell is no other object."""
     monkeypatch.setattr("mirrorfold.detection.search.lines.BREAK", 0.0)
-    monkeypatch.setattr("mirrorfold.detection.search.lines.SPREAD_CELLS", 0.1)
     start, end = wall_at(np.array([0.2, 1.3]), 0.0, 0.8)
     middle, beside = start + 0.75 * (end - start), off * RANGE_CELL * np.array([0.0, 1.0])
     mirror = look(*together(diffuse(start, middle, 3), diffuse(middle + beside, end + beside, 4)))[2][0]

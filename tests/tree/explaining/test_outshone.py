@@ -32,6 +32,7 @@ def test_only_what_is_far_weaker_than_another_at_its_range(place, below_db, told
     its_peak = echoes.take(np.array([np.argmin(distance)]))
     assert distance.min() < view.cell_at(place)
     assert outshone(its_peak, view).tolist() == [told]
+    assert outshone(its_peak.take(np.zeros(1, dtype=bool)), view).tolist() == []
 
 
 def explained(below_db):

@@ -309,8 +309,9 @@ class _Lines(Search[LineMirror]):
         likelier = -share * mirror.independent(self.view) * np.log(max(left, np.finfo(float).tiny))
         if likelier < BREAK:
             return mirror
-        needed = BREAK * max(1.0, _spread(mirror, self.view) / LOBE_SPREAD)
-        if self._in_sight(mirror) and (likelier < needed or apart < LEAST_APART):
+        if self._in_sight(mirror) and (
+            apart < LEAST_APART or likelier < BREAK * _spread(mirror, self.view) / LOBE_SPREAD
+        ):
             return mirror
         parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
         longer = max(parts, key=lambda part: part.length)

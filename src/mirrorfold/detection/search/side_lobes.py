@@ -29,8 +29,8 @@ def are_side_lobes(row: Echoes, weight: Array, view: ImageView) -> bool:
     """
     if not len(row):
         return False
-    level, u = view.brightest_at(row.range)
-    sine, reach = view.u[row.direction], EDGE_CELLS * view.u_cell
+    level, brightest = view.brightest_at(row.range)
+    u, sine, reach = view.u[brightest], view.u[row.direction], EDGE_CELLS * view.u_cell
     beyond = (u < sine.min() - reach) | (u > sine.max() + reach)
     lobe = view.part_lobes(level, sine - u)
     return bool(weight[beyond & (row.amplitude <= lobe)].sum() > LARGEST_SHARE * weight.sum())

@@ -298,13 +298,13 @@ class ImageView(View):
         length = 0.5 * (self.aperture_tx + self.aperture_rx)
         return level / np.maximum(np.pi * length * np.abs(aside), 1.0)
 
-    def brightest_at(self, range_: Array) -> tuple[Array, Array]:
-        """Amplitude and u of the brightest place within a range cell of each range (n,) [m], (n,) each."""
+    def brightest_at(self, range_: Array) -> tuple[Array, Index]:
+        """Amplitude of the brightest place within a range cell of each range (n,) [m], and its direction, (n,) each."""
         level, column = self._brightest
         rows = self.row(range_)[:, None] + np.arange(-SAMPLES_PER_CELL, SAMPLES_PER_CELL + 1)
         rows = np.clip(rows, 0, level.size - 1)
         brightest = rows[np.arange(len(rows)), level[rows].argmax(axis=1)]
-        return level[brightest], self.u[column[brightest]]
+        return level[brightest], column[brightest]
 
     @cached_property
     def _brightest(self) -> tuple[Array, Index]:

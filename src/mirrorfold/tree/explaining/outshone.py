@@ -29,13 +29,15 @@ than so many cells may be of the same object: a row of that length at one range 
 
 def outshone(objects: Echoes, view: ImageView) -> Mask:
     """Which objects may be side lobes of brighter echoes at their range, (n,)."""
-    level, u = view.brightest_at(objects.range)
+    if not len(objects):
+        return np.zeros(0, dtype=bool)
+    level, brightest = view.brightest_at(objects.range)
     found = np.asarray(objects.amplitude < level * 10.0 ** (-OUTSHONE_DB / 20.0))
-    aside = np.abs(view.u[objects.direction] - u)
+    aside = np.abs(view.u[objects.direction] - view.u[brightest])
     lobes = (objects.amplitude <= view.part_lobes(level, aside)) & (aside > RING_CELLS * view.u_cell)
-    row, column = view.row(objects.range), view.column(u)
+    row = view.row(objects.range)
     for i in np.flatnonzero(lobes & ~found):
-        first, last = sorted((int(objects.direction[i]), int(column[i])))
+        first, last = sorted((int(objects.direction[i]), int(brightest[i])))
         rows = slice(max(row[i] - SAMPLES_PER_CELL, 0), row[i] + SAMPLES_PER_CELL + 1)
         between = view.amplitude[rows, first : last + 1].max(axis=0)
         least = maximum_filter1d(between, SAMPLES_PER_CELL).min()
