@@ -209,6 +209,15 @@ def test_pivoted_rows(run):
 
 
 @pytest.mark.slow
+def test_rounding_does_not_pick_among_rows_as_long_as_each_other(run):
+    rows = np.exp(2j * np.pi * uniform(np.random.default_rng(0), 40, 60))
+    picked = run(nodes.pivoted_rows, rows.copy(), 1e-6, 40)
+    for seed in range(1, 6):
+        rounded = rows * (1.0 + 1e-15 * uniform(np.random.default_rng(seed), 40, 1))
+        np.testing.assert_array_equal(run(nodes.pivoted_rows, rounded, 1e-6, 40), picked)
+
+
+@pytest.mark.slow
 def test_turn(run, rng):
     x, y, z, centres, turns = (
         uniform(rng, 6),

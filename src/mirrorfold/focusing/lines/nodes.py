@@ -60,6 +60,9 @@ grows with the square of their number, a tenth of 40, a quarter of 60 (measured 
 INDEPENDENT = 0.1
 """Singular values below this share of the tolerance, relative to the largest, count as zero."""
 
+TIE = 1e-9
+"""Rows whose squared lengths differ by this share count as equally long: far above rounding, far below any gain."""
+
 EQUATIONS, SPARE_EQUATIONS = 8, 150
 """V and W are fitted to EQUATIONS pairs for each node, and SPARE_EQUATIONS more."""
 
@@ -173,7 +176,8 @@ def pivoted_rows(rows, tolerance, most):  # type: ignore[no-untyped-def]
     unit = np.zeros(m, rows.dtype)
     count = 0
     while count < min(n, m, most) and (count == 0 or power.sum() > enough):
-        best = np.argmax(power)
+        # Rows of phase factors are all as long at first: the first of the longest but for rounding, whatever rounding is.
+        best = np.argmax(power >= power.max() * (1.0 - TIE))
         size = 0.0
         for j in range(m):
             size += rows[best, j].real ** 2 + rows[best, j].imag ** 2
