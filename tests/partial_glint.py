@@ -12,8 +12,12 @@ GLINT = np.array([0.5, 1.0])
 """Where the glint appears [m]."""
 
 
-def glint_image(*, partly: bool) -> xr.DataArray:
-    """The image by an array of 8 cm, of all pairs, or of those whose middle lies in one half.
+HALF, PART = 0.005, -0.05
+"""Sums of the places of both antennas [m] below which are half of the pairs, and 7 % of them."""
+
+
+def glint_image(*, seen_below: float = np.inf) -> xr.DataArray:
+    """The image by an array of 8 cm, of the pairs whose places have a sum below that [m]; by default of all.
 
     The noise is 60 dB below each sample.
     """
@@ -23,8 +27,7 @@ def glint_image(*, partly: bool) -> xr.DataArray:
     distance = np.linalg.norm(position[:, :2] - GLINT, axis=1)
     path = distance[:, None] + distance
     s = np.exp(-2j * np.pi * frequency[:, None, None] / speed_of_light * path)
-    if partly:
-        s *= along[:, None] + along < 0.005
+    s *= along[:, None] + along < seen_below
     real, imag = np.random.default_rng(0).standard_normal((2, *s.shape))
     sweep = mf.make_sweep(
         s + 7e-4 * (real + 1j * imag), frequency=frequency, tx_position=position, rx_position=position

@@ -39,8 +39,8 @@ def objects(level, count=4, half=0.03):
     return [diffuse(at - aside, at + aside, 10 + i, strength) for i, at in enumerate(places)]
 
 
-def steps_2_to_4(*parts):
-    """What is found at first, and with short rows."""
+def steps_2_to_4(*parts, corners=None):
+    """What is found at first, and with short rows, where `corners` tells which places are vertices."""
     view = radar_view(*together(*parts), noise=1e-3)
     echoes = find_echoes(view)
     settings = FoldSettings().completed(**usual_settings(view, echoes))
@@ -48,7 +48,7 @@ def steps_2_to_4(*parts):
     quick_pass = partial(ordered_again, view, settings=settings)
     steps = Steps(partial(find_echoes, view), quick_pass, again)
     first = find_tree(view, echoes, settings)
-    found, *_ = find_short(first, view, steps, minimum_length=settings.minimum_length)
+    found, *_ = find_short(first, view, steps, minimum_length=settings.minimum_length, corners=corners)
     return first, found, view, settings, steps
 
 
@@ -69,6 +69,23 @@ def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
             assert abs(float(mirror.beside(MIDDLE))) < 0.003
             assert np.degrees(np.arccos(abs(mirror.direction @ ALONG) / np.linalg.norm(ALONG))) < 3.0
             assert len(found.tree.mirrors[0].objects) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_corner", [False, True])
+def test_a_row_that_ends_at_the_vertex_of_a_corner_is_no_mirror(is_corner):
+    """Behind the vertex, what goes to and fro outshines the row as objects do that a mirror shows."""
+    vertex = MIDDLE - 3.0 * CELL * ALONG
+    asked = []
+
+    def corners(places):
+        asked.extend(places)
+        return np.full(len(places), is_corner)
+
+    bright = np.array([vertex]), np.array([50.0])
+    _, found, *_ = steps_2_to_4(wall(6.0), bright, *objects(12.0), corners=corners)
+    assert len(mirrors_of(found)) == (0 if is_corner else 1)
+    assert np.linalg.norm(np.array(asked) - vertex, axis=1).max() < CELL
 
 
 @pytest.mark.slow

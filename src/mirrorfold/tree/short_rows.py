@@ -3,23 +3,25 @@
 Half of a wall is often hidden, by an object before it or beyond the end of the mirror that shows it. The row that is
 left says too little about the wall's direction, and may be as short as the flat side of an object. But a mirror is
 smoother than what it shows: echoes behind it are brighter than those of its own face. Multiple scattering behind an
-object never is.
+object never is, except behind a small corner: its vertex is so bright that what goes to and fro between the corner and
+a wall outshines the corner's legs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from mirrorfold.common.types import Mask
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
+from mirrorfold.tree.explaining.corners import bright_places
 from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, ROOT, UNSEEN
 
 SHORTEST_CELLS = 5.0
@@ -30,7 +32,13 @@ FEWEST = 2
 
 
 def find_short(
-    found: Found, view: ImageView, steps: Steps, *, minimum_length: float, besides: Sequence[Mirror] = ()
+    found: Found,
+    view: ImageView,
+    steps: Steps,
+    *,
+    minimum_length: float,
+    corners: Callable[[Array], Mask] | None = None,
+    besides: Sequence[Mirror] = (),
 ) -> tuple[Found, list[Mirror], list[Mirror]]:
     """Steps 2 to 4 once more with short mirrors: the result, the mirrors, and the rejected rows, see `with_rows`.
 
@@ -42,10 +50,12 @@ def find_short(
     steps : Steps
     minimum_length : float [m]
         Least length of mirrors that are found by their own echoes.
+    corners : callable, optional
+        Tells which places (n, 2) [m] of the image are vertices of corners, (n,).
     besides : sequence of Mirror
         Mirrors of `found` that steps 2 to 4 do not find by themselves, such as curved ones.
     """
-    proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length)
+    proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length, corners=corners)
     return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)
 
 
@@ -62,8 +72,13 @@ def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
     return found
 
 
-def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
-    """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror."""
+def short_rows(
+    found: Found, view: ImageView, shortest: float, corners: Callable[[Array], Mask] | None = None
+) -> list[Mirror]:
+    """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror.
+
+    Rows whose brightest place is the vertex of a corner are left out: they are its legs.
+    """
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
     known = [by_chain[chain][-1] for chain in sight.chain if chain]
@@ -73,4 +88,9 @@ def short_rows(found: Found, view: ImageView, shortest: float) -> list[Mirror]:
     for index in np.unique(own[own >= ROOT]):
         if index == ROOT or not any(mirror.curved for mirror in by_chain[sight.chain[index]]):
             rows += find_lines(echoes.take(own == index), view, minimum_length=shortest)
-    return [row for row in rows if row.fill >= SMALLEST_FILL]
+    rows = [row for row in rows if row.fill >= SMALLEST_FILL]
+    if corners is None or not rows:
+        return rows
+    vertex = bright_places(rows, view)
+    vertex = vertex[corners(vertex)]
+    return [row for row in rows if not row.holds(vertex, *2 * [view.cell_at(row.center)]).any()]

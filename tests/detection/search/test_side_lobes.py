@@ -6,19 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from partial_glint import GLINT, glint_image
+from partial_glint import GLINT, HALF, PART, glint_image
 from synthetic import diffuse, radar_view, together
 
+from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see
 from mirrorfold.detection.image_echoes import find_ridges
-from mirrorfold.detection.search.side_lobes import are_side_lobes
+from mirrorfold.detection.search.side_lobes import are_side_lobes, at_one_range
+
+
+def seen_by(below):
+    """View and echoes of a glint that only some of the pairs see."""
+    view = see(glint_image(seen_below=below))
+    return view, find_echoes(view)
 
 
 @pytest.fixture(scope="module")
 def ring():
     """View and echoes of a glint that half of the pairs see."""
-    view = see(glint_image(partly=True))
-    return view, find_echoes(view)
+    return seen_by(HALF)
 
 
 @pytest.mark.slow
@@ -30,6 +36,32 @@ def test_side_lobes_fall_as_one_over_their_distance(ring):
     found = level[view.column(u - aside)] / view.part_lobes(level.max(), aside)
     assert np.median(found) == pytest.approx(0.84, abs=0.15)  # 0.94 of an edge as long as the array, 0.56 of the pairs
     assert found.max() < 1.3
+
+
+@pytest.mark.slow
+def test_the_smaller_the_part_that_sees_a_glint_the_higher_its_lobes():
+    """They are higher by the inverse of the part's length, 0.03 m of 0.08 m, and are told by standing at one range."""
+    view, echoes = seen_by(PART)
+    range_, u = view.to_polar(GLINT)
+    aside = u - view.u[echoes.direction]
+    beside = echoes.take((aside > 0.15) & (aside < 0.4) & (np.abs(echoes.range - range_) < 0.5 * view.range_cell))
+    level = view.amplitude[view.row(np.array([range_]))[0]].max()
+    height = beside.amplitude / view.part_lobes(level, aside[:1] * 0.0 + view.u[beside.direction] - u)
+    assert np.median(height) == pytest.approx(0.08 / 0.03, rel=0.2)
+    assert at_one_range(beside, view, np.arange(len(beside))).mean() > 0.9
+    assert are_side_lobes(beside, beside.length, view)
+
+
+@pytest.mark.parametrize(("slope", "told"), [(0.0, True), (0.5, False)])
+def test_a_row_at_one_range_is_told_from_one_that_recedes(slope, told):
+    """By half a range cell in a cell across, of which noise does not matter."""
+    view = radar_view(np.array([[0.0, 1.0]]), np.array([1.0]))
+    u = np.linspace(-4.0, 4.0, 25) * view.u_cell
+    range_ = 1.0 + slope * u / view.u_cell * view.range_cell
+    places = view.to_points(range_, u)
+    row = Echoes.found(places, range_, view.column(u), np.ones(25), np.ones(25), 0.0 * u, 0.0, 1.0)
+    assert (at_one_range(row, view, np.arange(25))[8:-8] == told).all()
+    assert at_one_range(row, view, np.array([], dtype=int)).tolist() == []
 
 
 @pytest.mark.slow

@@ -1,18 +1,30 @@
 """Rows of side lobes, which are no mirrors.
 
 Side lobes stand at the range of their echo, in a row about the radar. Those of the whole array are known, and are never
-taken for echoes. Those of a glint that only a part of the array sees are higher, see `ImageView.part_lobes`.
+taken for echoes. Those of a glint that only a part of the array sees are higher, see `ImageView.part_lobes`, and the
+smaller the part the higher they are. But they do not fade and move as the echoes of a surface do, by speckle: they
+stand exactly at one range.
 """
 
 from __future__ import annotations
 
-from mirrorfold.common.types import Array
+import numpy as np
+
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.image_view import EDGE_CELLS, ImageView
 
 LARGEST_SHARE = 0.5
 """Largest share of a row, by weight, that may be side lobes: it was 1.0 in rows of side lobes, and at most 0.18 in all
 other rows of 30 scenes, of rays and of full waves."""
+
+SMALLEST_PART = 1.0 / 8.0
+"""Smallest part of the array whose lobes are recognised: they are so many times higher than those of half an array.
+What a smaller part sees is eight resolution cells wide."""
+
+RING_REACH, RING_DEPTH = 1.5, 0.1
+"""A row stands at one range if, this far to either side in resolution cells, the strongest echoes in all directions are
+within so many range cells of each other. Speckle moves the echoes of a surface by several times as much."""
 
 
 def are_side_lobes(row: Echoes, weight: Array, view: ImageView) -> bool:
@@ -32,5 +44,30 @@ def are_side_lobes(row: Echoes, weight: Array, view: ImageView) -> bool:
     level, brightest = view.brightest_at(row.range)
     u, sine, reach = view.u[brightest], view.u[row.direction], EDGE_CELLS * view.u_cell
     beyond = (u < sine.min() - reach) | (u > sine.max() + reach)
-    lobe = view.part_lobes(level, sine - u)
-    return bool(weight[beyond & (row.amplitude <= lobe)].sum() > LARGEST_SHARE * weight.sum())
+    lobes = beyond & may_be_lobes(row, view, level, np.abs(sine - u))
+    return bool(weight[lobes].sum() > LARGEST_SHARE * weight.sum())
+
+
+def may_be_lobes(echoes: Echoes, view: ImageView, level: Array, aside: Array) -> Mask:
+    """Which echoes may be side lobes of echoes of a `level` at their range, so far `aside` in u, all (n,), by a part of
+    the array: those that are weak enough, or not too strong and in a row at one range.
+    """
+    height = echoes.amplitude / view.part_lobes(level, aside)
+    found = height <= 1.0
+    doubtful = np.flatnonzero(~found & (height * SMALLEST_PART <= 1.0))
+    found[doubtful] = at_one_range(echoes, view, doubtful)
+    return found
+
+
+def at_one_range(echoes: Echoes, view: ImageView, which: Index) -> Mask:
+    """Whether echoes are in the middle of a row at one range, for those whose numbers are `which` (n,), (n,)."""
+    u, reach = view.u[echoes.direction], RING_REACH * view.u_cell
+    found = np.zeros(len(which), dtype=bool)
+    for k, i in enumerate(which):
+        away = np.abs(echoes.range - echoes.range[i])
+        near = np.flatnonzero((np.abs(u - u[i]) <= reach) & (away <= 0.5 * view.range_cell))
+        near = near[np.argsort(-echoes.amplitude[near], kind="stable")]
+        strongest = near[np.unique(u[near], return_index=True)[1]]
+        depth = np.ptp(echoes.range[strongest])
+        found[k] = np.ptp(u[near]) >= reach and depth <= RING_DEPTH * view.range_cell
+    return found
