@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 from scipy.ndimage import map_coordinates
 
+from mirrorfold.common.windows import hann
 from mirrorfold.detection import usual_settings
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.image_view import ImageView
@@ -41,7 +42,7 @@ def empty_view(radar=(0.0, 0.0), direction=0.0, reach=(0.3, 3.0), samples=3, wid
     wavelengths = APERTURE / WAVELENGTH
     return ImageView(
         np.array(radar, dtype=float), *unit_vectors(direction), range_, u, np.zeros((range_.size, u.size)),
-        1.0, RANGE_CELL, U_CELL, wavelengths, wavelengths,
+        1.0, RANGE_CELL, U_CELL, wavelengths, wavelengths, window=hann(FREQUENCY_POINTS),
     )  # fmt: skip
 
 

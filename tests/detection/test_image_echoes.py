@@ -109,13 +109,46 @@ def test_the_bound_on_side_lobes_lies_above_them_but_not_far():
     assert claim[row, distance < view.u_cell].max() < 0.1
 
 
-def test_side_lobes_stay_at_their_range():
+def test_side_lobes_stay_at_their_range_and_in_their_direction():
     view = empty_view()
     amplitude = view.amplitude.copy()
     amplitude[100, 200] = 1.0
     claim = replace(view, amplitude=amplitude).side_lobes
     assert claim[100].max() > 0.0
-    assert not np.delete(claim, 100, axis=0).any()
+    assert claim[:, 200].max() > 0.0
+    assert not np.delete(np.delete(claim, 100, axis=0), 200, axis=1).any()
+    unknown = replace(view, amplitude=amplitude, window=np.zeros(0)).side_lobes
+    np.testing.assert_array_equal(unknown[100], claim[100])
+    assert not np.delete(unknown, 100, axis=0).any()
+
+
+def test_the_bound_on_side_lobes_in_range_lies_above_them_but_not_far():
+    view = radar_view(np.array([[0.0, 1.5]]), np.array([1.0]))
+    column = int(view.column(np.array(0.0)))
+    distance = np.abs(view.range - 1.5)
+    beside = (distance > 2.0 * view.range_cell) & (distance < 0.7)
+    true, claim = view.amplitude[beside, column], view.side_lobes[beside, column]
+    x = 2.0 * distance[beside] / view.range_cell
+    envelope = view.amplitude[:, column].max() / (np.pi * x * (x**2 - 1.0))
+    assert (claim >= 0.98 * true).all()
+    # Steps in distance are a factor of 1.3, and the envelope falls with its cube.
+    assert (claim >= 0.9 * envelope).all()
+    assert (claim <= 3.0 * envelope).all()
+
+
+@pytest.mark.slow
+def test_side_lobes_in_range_of_a_glint_are_no_echoes_and_a_weak_point_beside_them_is_one():
+    """A glint 45 dB over the wall, as of a corner, is not surrounded by echoes; one 30 dB below it is found."""
+    wall, glint, weak = diffuse((-0.9, 1.2), (-0.3, 1.3), 1), np.array([0.2, 2.0]), np.array([0.2, 2.2])
+    level = 180.0 * 3.0
+    view = radar_view(*together(wall, (np.array([glint, weak]), level * np.array([1.0, 10.0**-1.5]))), noise=1e-4)
+    echoes = find_ridges(view)
+    away = [np.hypot(*np.array(off(view, echoes, place))) for place in (glint, weak)]
+    beyond = echoes.position[:, 0] > 0.0
+    assert away[1].min() < 0.5
+    assert np.minimum(*away)[beyond].max() < 2.0
+    blind = find_ridges(replace(view, window=np.zeros(0)))
+    assert np.count_nonzero(blind.position[:, 0] > 0.0) > 1.5 * np.count_nonzero(beyond)
 
 
 @pytest.fixture

@@ -35,6 +35,13 @@ def _taylor(n: int) -> NDArray[np.float64]:
     return np.asarray(taylor(n, nbar=TAYLOR_NBAR, sll=TAYLOR_SIDE_LOBE_DB, norm=False))
 
 
+HANN_CELL = 2.0
+"""Half-amplitude width of the Hann window's main lobe, in the inverse of its length: in range, in units of c/(2B)."""
+
+ENVELOPE_SAMPLES = 16
+"""Samples of a window's spectrum in the inverse of its length."""
+
+
 WINDOWS: dict[str, Callable[[int], NDArray[np.float64]]] = {
     "uniform": np.ones,
     "hann": hann,
@@ -69,3 +76,15 @@ def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.comple
     if not np.isfinite(weights).all() or not weights.any():
         raise InputError(f"{name} holds weights that are not finite, or only zeros; give finite numbers")
     return weights
+
+
+def side_lobe_envelope(weights: ArrayLike, distance: ArrayLike) -> NDArray[np.float64]:
+    """Level of the highest side lobe at a distance or farther from the main lobe of a window, relative to its peak.
+
+    The unit of the distance is the inverse length of the window: a uniform one has its first null at one, and at the
+    distance x about the level ``1 / (pi x)``.
+    """
+    weight = np.abs(np.asarray(weights))
+    spectrum = np.abs(np.fft.rfft(weight, ENVELOPE_SAMPLES * weight.size))
+    envelope = np.maximum.accumulate(spectrum[::-1])[::-1] / spectrum[0]
+    return np.asarray(np.interp(distance, np.arange(envelope.size) / ENVELOPE_SAMPLES, envelope))

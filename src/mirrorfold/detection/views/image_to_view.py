@@ -14,6 +14,7 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
+from mirrorfold.common.windows import window
 from mirrorfold.detection.echoes import noise_level
 from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, ImageView
 from mirrorfold.detection.views.resampling import interpolated, sampled
@@ -78,12 +79,14 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     points = int(attrs.get("frequency_points", 0))
     aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
     wavelength = ambiguous = np.inf
+    weights = np.zeros(0)
     if points > 1 and aperture.max() > 0.0:
         low, high = attrs["frequency_start"], attrs["frequency_stop"]
         speed = float(attrs.get("wave_speed", speed_of_light))
         wavelength = speed / (0.5 * (low + high))
         # A Hann taper over the band makes the half-amplitude width twice the ideal c/(2B).
         range_cell = speed / ((high - low) * points / (points - 1))
+        weights = np.abs(window(attrs.get("taper", "hann"), points, "taper"))
         aperture /= wavelength
         if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
             aperture = np.array([aperture.sum(), 0.0])
@@ -121,5 +124,5 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         )
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-                     ambiguous if nearest < ambiguous else np.inf, height=height)  # fmt: skip
+                     ambiguous if nearest < ambiguous else np.inf, height=height, window=weights)  # fmt: skip
     return view, (x, y)

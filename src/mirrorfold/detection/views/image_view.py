@@ -7,6 +7,7 @@ after imaging work in them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +20,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from mirrorfold.common.types import Array, Complex, Index, Mask
+from mirrorfold.common.windows import HANN_CELL, side_lobe_envelope
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View
 
@@ -42,6 +44,9 @@ centroids of power of a wall: a profile reaches over 0.75 cells, and the echo ov
 CORNER_CELLS = 2.0
 """Largest distance of a place from a corner, in range cells and in cells across, at which it is the same: rows are cut
 between two lines of sight, which may meet a steep row more than a cell apart."""
+
+LOBE_CELLS = 1.5
+"""Distance from an echo, in resolution cells, at which its side lobes begin."""
 
 LARGEST_SINE = 0.985
 """Largest sine of the angle off broadside (80 degrees): the array does not resolve directions closer to its own
@@ -80,6 +85,8 @@ class ImageView(View):
         than it went out.
     corners : (c, 2) array [m]
         Where the image shows the vertices of right-angled corners, as the sweep tells.
+    window : (frequencies,) array
+        The weights over frequency, which set the side lobes in range; empty where they are not known.
     radar, range, range_cell, normalization, wavelength
         See `View`.
     """
@@ -102,6 +109,7 @@ class ImageView(View):
     height: float = 0.0
     misplaced: Array = field(default_factory=lambda: np.zeros((0, 2)))
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    window: Array = field(default_factory=lambda: np.zeros(0))
 
     def told(self, **known: Array) -> ImageView:
         """The same view with other `misplaced` echoes or `corners`; all else that was computed is kept."""
@@ -265,29 +273,41 @@ class ImageView(View):
 
     @cached_property
     def side_lobes(self) -> Array:
-        """Amplitude that side lobes of brighter echoes at the same range may reach, (nr, nu).
+        """Amplitude that side lobes of brighter echoes may reach, at their range and in their direction, (nr, nu).
 
         The side lobes of a uniform array of D wavelengths have the envelope ``1 / (pi D u)``, one way. So the side
-        lobes of an echo of amplitude A reach ``A / ((pi D_tx du) (pi D_rx du))`` at the distance du. The result is the
-        largest such level of all echoes. It is computed for intervals of du that begin at 1.5 resolution cells and grow
-        by 30 % each: the brightest echo of an interval counts as if it stood at its near end.
+        lobes of an echo of amplitude A reach ``A / ((pi D_tx du) (pi D_rx du))`` at the distance du. Those in range
+        have the envelope of the window over frequency, if it is known.
         """
+
+        def across(steps: int) -> float:
+            tx, rx = (max(1.0, np.pi * length * steps * self.du) for length in (self.aperture_tx, self.aperture_rx))
+            return 1.0 / (tx * rx)
+
+        def along(steps: int) -> float:
+            return float(side_lobe_envelope(self.window, steps * self.dr * HANN_CELL / self.range_cell))
+
         claim = np.zeros_like(self.amplitude)
-        half = max(1, round(1.5 * self.u_cell / self.du))
-        peak = self.amplitude
-        while half < self.u.size:
-            distance = half * self.du
-            tx, rx = (max(1.0, np.pi * length * distance) for length in (self.aperture_tx, self.aperture_rx))
-            nxt = max(half + 1, int(1.3 * half))
-            # The brightest echo between `half` and `nxt` steps away, on either side.
-            window = nxt - half + 1
-            brightest = maximum_filter1d(peak, window, axis=1, mode="constant")
-            offset = half + window // 2
-            brightest *= 1.0 / (tx * rx)
-            np.maximum(claim[:, offset:], brightest[:, :-offset], out=claim[:, offset:])
-            np.maximum(claim[:, :-offset], brightest[:, offset:], out=claim[:, :-offset])
-            half = nxt
+        self._claim(claim, round(LOBE_CELLS * self.u_cell / self.du), across)
+        if self.window.size:
+            self._claim(claim.T, round(LOBE_CELLS * self.range_cell / self.dr), along)
         return claim
+
+    def _claim(self, claim: Array, first: int, level: Callable[[int], float]) -> None:
+        """Raise `claim` to the side lobes along its last axis of all echoes, from the distance `first` on, in samples.
+
+        Their `level` is relative to their echo. It is computed for intervals that grow by 30 % each: the brightest echo
+        of an interval counts as if it stood at its near end.
+        """
+        peak = self.amplitude if claim.shape == self.amplitude.shape else self.amplitude.T
+        near = max(1, first)
+        while near < claim.shape[1]:
+            half = int(0.15 * near)
+            middle = near + half
+            brightest = maximum_filter1d(peak, 2 * half + 1, axis=1, mode="constant") * level(near)
+            np.maximum(claim[:, middle:], brightest[:, :-middle], out=claim[:, middle:])
+            np.maximum(claim[:, :-middle], brightest[:, middle:], out=claim[:, :-middle])
+            near = middle + half + 1
 
     def part_lobes(self, level: Array, aside: Array) -> Array:
         """Largest side lobes, at distances `aside` (n,) in u, of echoes of a `level` (n,) that part of the array sees.

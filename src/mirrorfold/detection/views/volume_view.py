@@ -13,13 +13,14 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
 from mirrorfold.common.facts import radar_place
 from mirrorfold.common.types import Array, Complex, Index
+from mirrorfold.common.windows import HANN_CELL, WINDOWS, side_lobe_envelope
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.views.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.range_profiles import angle_table, beams_of, magnitudes, spreading
 
-HANN_CELL = 2.0
-"""Half-amplitude width of the Hann window's main lobe in units of c/(2B)."""
+WINDOW_POINTS = 2048
+"""Number of weights of the window over frequency from which side lobes are computed: a scan does not keep its own."""
 
 DYNAMIC_RANGE_DB = -80.0
 """Least level [dB] of an echo, relative to the brightest one, however low the noise: no instrument's beam or window is
@@ -84,14 +85,13 @@ class VolumeView(View):
         """Level of the side lobes in range, relative to the peak, 1, 2, ... samples from the edge of an echo,
         (ranges,).
 
-        It is the envelope of the side lobes of the window, plus a margin. At the distance x from the peak, in units of
-        c/(2B), that is ``1 / (pi x (x^2 - 1))`` for Hann, ``1 / (pi x / 2)^2`` for the triangle, and ``1 / (pi x)``,
-        which falls slowest, for any other window (Harris, Proc. IEEE 66, 1978).
+        It is the envelope of the side lobes of the window, plus a margin. For an unknown window, those of the uniform
+        one are taken, which fall slowest (Harris, Proc. IEEE 66, 1978).
         """
-        # The edge of a run of samples, 12 dB below its peak, is more than one unit away from the peak.
+        # The edge of a run of samples, 12 dB below its peak, is more than one unit, c/(2B), away from the peak.
         x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / (self.range_cell / HANN_CELL)
-        envelope = {"hann": 1.0 / (np.pi * x * (x**2 - 1.0)), "triangular": 4.0 / (np.pi * x) ** 2}
-        level = envelope.get(self.taper, 1.0 / (np.pi * x)) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+        weights = WINDOWS.get(self.taper, WINDOWS["uniform"])(WINDOW_POINTS)
+        level = side_lobe_envelope(weights, x) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
         return np.minimum(level, 1.0).astype(np.float32)
 
     @cached_property

@@ -176,7 +176,7 @@ def pivoted_rows(rows, tolerance, most):  # type: ignore[no-untyped-def]
     unit = np.zeros(m, rows.dtype)
     count = 0
     while count < min(n, m, most) and (count == 0 or power.sum() > enough):
-        # Rows of phase factors are all as long at first: the first of the longest but for rounding, whatever rounding is.
+        # At first all rows of phase factors are equally long, and rounding must not choose among them.
         best = np.argmax(power >= power.max() * (1.0 - TIE))
         size = 0.0
         for j in range(m):
