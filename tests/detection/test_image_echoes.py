@@ -126,14 +126,14 @@ def test_the_bound_on_side_lobes_in_range_lies_above_them_but_not_far():
     view = radar_view(np.array([[0.0, 1.5]]), np.array([1.0]))
     column = int(view.column(np.array(0.0)))
     distance = np.abs(view.range - 1.5)
-    beside = (distance > 2.0 * view.range_cell) & (distance < 0.7)
+    beside = (distance > 2.0 * view.range_cell) & (distance < 0.4)
     true, claim = view.amplitude[beside, column], view.side_lobes[beside, column]
     x = 2.0 * distance[beside] / view.range_cell
     envelope = view.amplitude[:, column].max() / (np.pi * x * (x**2 - 1.0))
-    assert (claim >= 0.98 * true).all()
-    # Steps in distance are a factor of 1.3, and the envelope falls with its cube.
-    assert (claim >= 0.9 * envelope).all()
-    assert (claim <= 3.0 * envelope).all()
+    assert (claim >= 0.9 * true).all()  # the peak lies between two samples
+    # Steps in distance are a factor of 1.1, and the envelope falls with its cube.
+    assert (claim >= 0.75 * envelope).all()
+    assert (claim <= 1.7 * envelope).all()
 
 
 @pytest.mark.slow

@@ -20,9 +20,9 @@ from mirrorfold.detection.image_echoes import FAINT_DB
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.mirror_tree import MirrorTree
 
-GAP_CELLS = 3.0
-"""Widest gap that is closed, in resolution cells: one cell beside each of two bright echoes, and one in which speckle
-fades."""
+GAP_CELLS = 4.0
+"""Widest gap that is closed, in resolution cells: one cell beside each of two bright echoes, or two beside one that
+outshines it by its side lobes, such as the vertex of a corner; and one or two in which speckle fades."""
 
 STEP_CELLS = 0.5
 """Largest distance between points in a closed gap, in resolution cells: closer points would add no information."""
@@ -32,7 +32,7 @@ FIT_CELLS = 1.5
 from the middle of the widest gap to its ends."""
 
 SAMPLES = 12
-"""Number of places in a gap at which the image is looked up: four in a resolution cell of the widest gap."""
+"""Number of places in a gap at which the image is looked up: three in a resolution cell of the widest gap."""
 
 FARTHEST = 3.0
 """Echoes farther away than this multiple of `FIT_CELLS` are left out of the fit: they weigh less than ``exp(-9/2)``, a
@@ -48,7 +48,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
 
     Neighbours are echoes joined by the minimum spanning tree of all echoes in the unfolded image (Kruskal, Proc. AMS 7,
     1956), with distances in resolution cells, by whatever chains they were seen: so a gap is the same before folding
-    and after. It is closed if both ends have the same chain, and lie on the face of the same mirror or on none.
+    and after. It is closed if both ends have the same chain. They may lie on different faces: one leg of a corner may
+    be a mirror where the other is none.
 
     Parameters
     ----------
@@ -101,13 +102,13 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
 
 
 def _neighbours(points: Points, cells: cKDTree) -> tuple[Index, Index, Array]:
-    """Both indices of neighbours with the same chain and face that are farther apart than `STEP_CELLS` and at most
-    `GAP_CELLS`, and their distance, (n,) each. `cells` holds the points in units of resolution cells.
+    """Both indices of neighbours with the same chain that are farther apart than `STEP_CELLS` and at most `GAP_CELLS`,
+    and their distance, (n,) each. `cells` holds the points in units of resolution cells.
     """
     edges = minimum_spanning_tree(cells.sparse_distance_matrix(cells, GAP_CELLS, output_type="coo_matrix")).tocoo()
     first, second = edges.row, edges.col
     gap = (edges.data > STEP_CELLS) & (points.wall[first] == "") & (points.wall[second] == "")
-    for seen in (points.chain, points.mirror, points.explanation):
+    for seen in (points.chain, points.explanation):
         gap &= seen[first] == seen[second]
     gap &= points.explanation[first] == ""
     return first[gap], second[gap], edges.data[gap]

@@ -19,6 +19,7 @@ from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
+from mirrorfold.detection.views.image_view import CORNER_CELLS
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
 from mirrorfold.tree.explaining.corners import bright_places
@@ -77,7 +78,8 @@ def short_rows(
 ) -> list[Mirror]:
     """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror.
 
-    Rows whose brightest place is the vertex of a corner are left out: they are its legs.
+    Rows with the vertex of a corner at an end are left out: they are its legs. It is the brightest place of such a row.
+    Where `corners` are not told, every place at an end that is bright enough counts as a vertex.
     """
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
@@ -89,8 +91,8 @@ def short_rows(
         if index == ROOT or not any(mirror.curved for mirror in by_chain[sight.chain[index]]):
             rows += find_lines(echoes.take(own == index), view, minimum_length=shortest)
     rows = [row for row in rows if row.fill >= SMALLEST_FILL]
-    if corners is None or not rows:
-        return rows
     vertex = bright_places(rows, view)
-    vertex = vertex[corners(vertex)]
-    return [row for row in rows if not row.holds(vertex, *2 * [view.cell_at(row.center)]).any()]
+    if corners is not None and len(vertex):
+        vertex = vertex[corners(vertex)]
+    reach = CORNER_CELLS * np.asarray(view.cell(np.linalg.norm(vertex - view.radar, axis=1)))
+    return [row for row in rows if not np.any(np.linalg.norm(row.ends[:, None] - vertex, axis=2) <= reach)]

@@ -45,6 +45,9 @@ CORNER_CELLS = 2.0
 """Largest distance of a place from a corner, in range cells and in cells across, at which it is the same: rows are cut
 between two lines of sight, which may meet a steep row more than a cell apart."""
 
+LOWEST_LOBE = 1e-5
+"""Lower side lobes, relative to their echo, do not count: no instrument has a dynamic range of 100 dB."""
+
 LOBE_CELLS = 1.5
 """Distance from an echo, in resolution cells, at which its side lobes begin."""
 
@@ -288,23 +291,24 @@ class ImageView(View):
             return float(side_lobe_envelope(self.window, steps * self.dr * HANN_CELL / self.range_cell))
 
         claim = np.zeros_like(self.amplitude)
-        self._claim(claim, round(LOBE_CELLS * self.u_cell / self.du), across)
+        self._claim(claim, round(LOBE_CELLS * self.u_cell / self.du), across, 0.15)
         if self.window.size:
-            self._claim(claim.T, round(LOBE_CELLS * self.range_cell / self.dr), along)
+            self._claim(claim.T, round(LOBE_CELLS * self.range_cell / self.dr), along, 0.05)
         return claim
 
-    def _claim(self, claim: Array, first: int, level: Callable[[int], float]) -> None:
+    def _claim(self, claim: Array, first: int, level: Callable[[int], float], widening: float) -> None:
         """Raise `claim` to the side lobes along its last axis of all echoes, from the distance `first` on, in samples.
 
-        Their `level` is relative to their echo. It is computed for intervals that grow by 30 % each: the brightest echo
-        of an interval counts as if it stood at its near end.
+        Their `level`, relative to their echo, is computed for intervals of distances that grow by twice the share
+        `widening`: the brightest echo of an interval counts as if it stood at its near end.
         """
         peak = self.amplitude if claim.shape == self.amplitude.shape else self.amplitude.T
         near = max(1, first)
-        while near < claim.shape[1]:
-            half = int(0.15 * near)
+        while near < claim.shape[1] and (height := level(near)) > LOWEST_LOBE:
+            half = int(widening * near)
             middle = near + half
-            brightest = maximum_filter1d(peak, 2 * half + 1, axis=1, mode="constant") * level(near)
+            brightest = maximum_filter1d(peak, 2 * half + 1, axis=1, mode="constant") if half else peak.copy()
+            brightest *= height
             np.maximum(claim[:, middle:], brightest[:, :-middle], out=claim[:, middle:])
             np.maximum(claim[:, :-middle], brightest[:, middle:], out=claim[:, :-middle])
             near = middle + half + 1
