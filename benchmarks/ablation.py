@@ -26,13 +26,14 @@ import mirrorfold as mf
 from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.common.types import Chain, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.search import lines
+from mirrorfold.detection.search import lines, side_lobes
+from mirrorfold.detection.views import image_to_view
 from mirrorfold.detection.views.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.tree import assignment, completion, kinds, lines_of_sight, measured, ordering, rounds
+from mirrorfold.tree import assignment, completion, kinds, lines_of_sight, measured, ordering, rounds, short_rows
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining import explained_by_tree, misplaced, wrapped
+from mirrorfold.tree.explaining import explained_by_tree, misplaced, outshone, wrapped
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 
 Instead = dict[ModuleType | type, dict[str, Any]]
@@ -76,6 +77,9 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
         {},
     ),
     "single legs of corners": ({rounds: {"lone_legs": lambda mirrors, *given: [False] * len(mirrors)}}, {}),
+    "legs of corners that are short rows": ({short_rows: {"bright_places": lambda *given: np.zeros((0, 2))}}, {}),
+    "side lobes in range": ({image_to_view: {"window": lambda *given: np.zeros(0)}}, {}),
+    "rings": ({side_lobes: {"SMALLEST_PART": 1.0}, outshone: {"LONGEST_ROW": np.inf}}, {}),
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),
     "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror: mirror}}, {}),
