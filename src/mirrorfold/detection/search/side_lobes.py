@@ -62,10 +62,12 @@ def may_be_lobes(echoes: Echoes, view: ImageView, level: Array, aside: Array) ->
 def at_one_range(echoes: Echoes, view: ImageView, which: Index) -> Mask:
     """Whether echoes are in the middle of a row at one range, for those whose numbers are `which` (n,), (n,)."""
     u, reach = view.u[echoes.direction], RING_REACH * view.u_cell
-    found = np.zeros(len(which), dtype=bool)
+    order, found = np.argsort(u, kind="stable"), np.zeros(len(which), dtype=bool)
+    first = np.searchsorted(u, u[which] - reach, "left", order)
+    last = np.searchsorted(u, u[which] + reach, "right", order)
     for k, i in enumerate(which):
-        away = np.abs(echoes.range - echoes.range[i])
-        near = np.flatnonzero((np.abs(u - u[i]) <= reach) & (away <= 0.5 * view.range_cell))
+        near = order[first[k] : last[k]]
+        near = near[np.abs(echoes.range[near] - echoes.range[i]) <= 0.5 * view.range_cell]
         near = near[np.argsort(-echoes.amplitude[near], kind="stable")]
         strongest = near[np.unique(u[near], return_index=True)[1]]
         depth = np.ptp(echoes.range[strongest])
