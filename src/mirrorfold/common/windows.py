@@ -87,6 +87,5 @@ def side_lobe_envelope(weights: ArrayLike, distance: ArrayLike) -> NDArray[np.fl
     weight = np.abs(np.asarray(weights))
     spectrum = np.abs(np.fft.rfft(weight, ENVELOPE_SAMPLES * weight.size))
     envelope = np.maximum.accumulate(spectrum[::-1])[::-1] / spectrum[0]
-    return np.asarray(
-        np.interp(np.asarray(distance, dtype=float), np.arange(envelope.size) / ENVELOPE_SAMPLES, envelope)
-    )
+    at = np.arange(envelope.size) / ENVELOPE_SAMPLES
+    return np.asarray(np.interp(np.asarray(distance, dtype=float), at, envelope))
