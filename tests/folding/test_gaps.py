@@ -72,6 +72,9 @@ def test_wider_gaps_and_what_was_seen_otherwise_stay_apart():
         {"explanation": np.array(["", "comes from afar"])}, {"explanation": np.array(["comes from afar"] * 2)},
     ):  # fmt: skip
         assert not len(added(replace(pair, **other), tree, view).initial), other
+    three, tree_of_three = points_at(view, (50.0, 0.0), (51.0, 0.0), (52.0, 0.0))
+    ghost_between = replace(three, explanation=np.array(["", "comes from afar", ""]))
+    assert len(added(ghost_between, tree_of_three, view).initial) == 3
     one_on_a_face = added(replace(pair, mirror=np.array(["", "0"])), tree, view)
     assert one_on_a_face.mirror.tolist() == ["", "0", "0"]
     doubted = replace(pair, confidence=np.array([0.9, 0.3]))

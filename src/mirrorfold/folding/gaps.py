@@ -48,8 +48,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
 
     Neighbours are echoes joined by the minimum spanning tree of all echoes in the unfolded image (Kruskal, Proc. AMS 7,
     1956), with distances in resolution cells, by whatever chains they were seen: so a gap is the same before folding
-    and after. It is closed if both ends have the same chain. They may lie on different faces: one leg of a corner may
-    be a mirror where the other is none.
+    and after. Echoes with an explanation do not count, for they are of no surface. A gap is closed if both ends have
+    the same chain. They may lie on different faces: one leg of a corner may be a mirror where the other is none.
 
     Parameters
     ----------
@@ -66,22 +66,23 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
         A new point has the amplitude of the image at its place, and the confidence of the less certain end of its gap.
         What is known of echoes alone, such as `confocal`, is NaN.
     """
-    if len(points.initial) < 2:
+    seen = points.take(np.flatnonzero(points.explanation == ""))
+    if len(seen.initial) < 2:
         return points
-    cells = cKDTree(view.in_cells(points.initial))
-    first, second, apart = _neighbours(points, cells)
+    cells = cKDTree(view.in_cells(seen.initial))
+    first, second, apart = _neighbours(seen, cells)
     share = np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1, None, None]
-    between = (1.0 - share) * points.initial[first] + share * points.initial[second]
-    needed = np.minimum(points.exceeded[first], points.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
+    between = (1.0 - share) * seen.initial[first] + share * seen.initial[second]
+    needed = np.minimum(seen.exceeded[first], seen.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
     bright = np.all(_brightest_beside(between, view) >= needed, axis=0)
     first, second, pieces = first[bright], second[bright], np.ceil(apart[bright] / STEP_CELLS).astype(np.intp)
 
     gap = np.repeat(np.arange(len(pieces)), pieces - 1)
     piece = np.arange(len(gap)) - (np.cumsum(pieces - 1) - pieces)[gap]
     first, second, share = first[gap], second[gap], (piece / pieces[gap])[:, None]
-    new = points.take(np.where(share[:, 0] < 0.5, first, second))
-    straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
-    initial = _on_surface(straight, points, cells, view)
+    new = seen.take(np.where(share[:, 0] < 0.5, first, second))
+    straight = (1.0 - share) * seen.initial[first] + share * seen.initial[second]
+    initial = _on_surface(straight, seen, cells, view)
     position = np.empty_like(initial)
     for chain, fold in tree.folds().items():
         own = new.chain == chain_name(chain)
@@ -91,8 +92,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
         position=position,
         initial=initial,
         amplitude=np.sqrt(view.power_at(*view.to_polar(initial))),
-        confidence=np.minimum(points.confidence[first], points.confidence[second]),
-        error=np.maximum(points.error[first], points.error[second]),
+        confidence=np.minimum(seen.confidence[first], seen.confidence[second]),
+        error=np.maximum(seen.error[first], seen.error[second]),
         confocal=np.full(len(gap), np.nan),
         passed=np.full(len(gap), np.nan),
         decided=np.full(len(gap), ""),
@@ -108,9 +109,7 @@ def _neighbours(points: Points, cells: cKDTree) -> tuple[Index, Index, Array]:
     edges = minimum_spanning_tree(cells.sparse_distance_matrix(cells, GAP_CELLS, output_type="coo_matrix")).tocoo()
     first, second = edges.row, edges.col
     gap = (edges.data > STEP_CELLS) & (points.wall[first] == "") & (points.wall[second] == "")
-    for seen in (points.chain, points.explanation):
-        gap &= seen[first] == seen[second]
-    gap &= points.explanation[first] == ""
+    gap &= points.chain[first] == points.chain[second]
     return first[gap], second[gap], edges.data[gap]
 
 
