@@ -291,27 +291,10 @@ class ImageView(View):
             return float(side_lobe_envelope(self.window, steps * self.dr * HANN_CELL / self.range_cell))
 
         claim = np.zeros_like(self.amplitude)
-        self._claim(claim, round(LOBE_CELLS * self.u_cell / self.du), across, 0.15)
+        _claim(claim, self.amplitude, LOBE_CELLS * self.u_cell / self.du, across, 0.15)
         if self.window.size:
-            self._claim(claim.T, round(LOBE_CELLS * self.range_cell / self.dr), along, 0.05)
+            _claim(claim.T, self.amplitude.T, LOBE_CELLS * self.range_cell / self.dr, along, 0.05)
         return claim
-
-    def _claim(self, claim: Array, first: int, level: Callable[[int], float], widening: float) -> None:
-        """Raise `claim` to the side lobes along its last axis of all echoes, from the distance `first` on, in samples.
-
-        Their `level`, relative to their echo, is computed for intervals of distances that grow by twice the share
-        `widening`: the brightest echo of an interval counts as if it stood at its near end.
-        """
-        peak = self.amplitude if claim.shape == self.amplitude.shape else self.amplitude.T
-        near = max(1, first)
-        while near < claim.shape[1] and (height := level(near)) > LOWEST_LOBE:
-            half = int(widening * near)
-            middle = near + half
-            brightest = maximum_filter1d(peak, 2 * half + 1, axis=1, mode="constant") if half else peak.copy()
-            brightest *= height
-            np.maximum(claim[:, middle:], brightest[:, :-middle], out=claim[:, middle:])
-            np.maximum(claim[:, :-middle], brightest[:, middle:], out=claim[:, :-middle])
-            near = middle + half + 1
 
     def part_lobes(self, level: Array, aside: Array) -> Array:
         """Largest side lobes, at distances `aside` (n,) in u, of echoes of a `level` (n,) that part of the array sees.
@@ -350,3 +333,21 @@ class ImageView(View):
         """Width of the resolution cell across the line of sight [m]: ``range u_cell / sqrt(1 - u^2)``."""
         range_, u = self.to_polar(points)
         return range_ * self.u_cell / np.sqrt(np.maximum(1.0 - u**2, 1.0 - LARGEST_SINE**2))
+
+
+def _claim(claim: Array, amplitude: Array, first: float, level: Callable[[int], float], widening: float) -> None:
+    """Raise `claim` (n, m) to the side lobes, along the last axis, of all echoes of an `amplitude` (n, m), in place.
+
+    Side lobes begin at the distance `first`, in samples. Their `level`, relative to their echo, is computed for
+    intervals of distances that grow by twice the share `widening`: the brightest echo of an interval counts as if it
+    stood at its near end.
+    """
+    near = max(1, int(first + 1e-6))  # whatever rounding left of a whole number
+    while near < claim.shape[1] and (height := level(near)) > LOWEST_LOBE:
+        half = int(widening * near)
+        middle = near + half
+        brightest = maximum_filter1d(amplitude, 2 * half + 1, axis=1, mode="constant") if half else amplitude.copy()
+        brightest *= height
+        np.maximum(claim[:, middle:], brightest[:, :-middle], out=claim[:, middle:])
+        np.maximum(claim[:, :-middle], brightest[:, middle:], out=claim[:, :-middle])
+        near = middle + half + 1
