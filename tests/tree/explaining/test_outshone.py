@@ -79,14 +79,25 @@ def test_lobes_grow_towards_their_glint_and_objects_end(gap, told):
     assert (outshone(beyond, view) == told).all()
 
 
-@pytest.mark.parametrize(("cells", "told"), [(10.0, False), (30.0, True)])
-def test_a_long_row_at_one_range_is_a_ring_however_strong_it_is(cells, told):
+@pytest.mark.parametrize(
+    ("cells", "below_db", "told"),
+    [
+        pytest.param(30.0, 15.0, True, id="ring"),
+        pytest.param(10.0, 15.0, False, id="short row"),
+        pytest.param(30.0, 9.0, False, id="wall around the radar"),
+    ],
+)
+def test_a_long_row_at_one_range_is_a_ring_if_it_is_weaker_than_a_glint_there(cells, below_db, told):
+    """The image is dark between the row and the glint."""
     view = radar_view(np.array([BRIGHT]), np.array([100.0]))
-    ring = np.where(np.abs(view.u) < 0.5 * cells * view.u_cell, 50.0, 0.0)
-    depth = np.exp(-(((view.range - 1.2) / view.range_cell) ** 2))[:, None]
+    range_, u = view.to_polar(BRIGHT)
+    middle = u - (0.5 * cells + 8.0) * view.u_cell
+    level = view.amplitude.max() * 10.0 ** (-below_db / 20.0)
+    ring = np.where(np.abs(view.u - middle) < 0.5 * cells * view.u_cell, level, 0.0)
+    depth = np.exp(-(((view.range - range_) / view.range_cell) ** 2))[:, None]
     view = replace(view, amplitude=np.maximum(view.amplitude, depth * ring))
     echoes = find_ridges(view, threshold_db=-60.0)
-    inside = np.abs(view.u[echoes.direction]) < (0.5 * cells - 2.0) * view.u_cell
-    row = echoes.take(inside & (np.abs(echoes.range - 1.2) < 0.1 * view.range_cell))
+    inside = np.abs(view.u[echoes.direction] - middle) < (0.5 * cells - 2.0) * view.u_cell
+    row = echoes.take(inside & (np.abs(echoes.range - range_) < 0.1 * view.range_cell))
     assert len(row) > cells
     assert (outshone(row, view)[3:-3] == told).all()  # a row is told by both its sides

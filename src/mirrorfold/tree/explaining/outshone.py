@@ -30,9 +30,10 @@ DARK_DB, RING_CELLS = 6.0, 5.0
 resolution cell: lobes grow towards their glint, and an object of its own ends somewhere. Echoes nearer to the glint
 than so many cells may be of the same object: a row of that length at one range may be a mirror."""
 
-LONGEST_ROW = 20.0
-"""A row at one range that is longer than so many resolution cells is a ring of side lobes, however high:
-no wall is curved like that."""
+LONGEST_ROW, RING_DB = 20.0, 12.0
+"""A row at one range that is longer than so many resolution cells is a ring of side lobes, if it is weaker by so much
+than the brightest echo at its range, be the image dark between them or not. A wall around the radar would stand at one
+range, too, but is as bright on all sides."""
 
 
 def outshone(objects: Echoes, view: ImageView) -> Mask:
@@ -43,7 +44,7 @@ def outshone(objects: Echoes, view: ImageView) -> Mask:
     found = np.asarray(objects.amplitude < level * 10.0 ** (-OUTSHONE_DB / 20.0))
     aside = np.abs(view.u[objects.direction] - view.u[brightest])
     lobes = may_be_lobes(objects, view, level, aside) & (aside > RING_CELLS * view.u_cell)
-    found |= _in_rings(objects, view)
+    found |= _in_rings(objects, view) & (objects.amplitude <= level * 10.0 ** (-RING_DB / 20.0))
     row = view.row(objects.range)
     for i in np.flatnonzero(lobes & ~found):
         first, last = sorted((int(objects.direction[i]), int(brightest[i])))
