@@ -301,3 +301,26 @@ def test_an_image_aside_of_where_the_array_looks_is_refused():
     image = radar_image(np.empty((0, 2)), np.empty(0), np.arange(5.0, 6.0, 0.02), np.arange(0.02, 0.9, 0.02))
     with pytest.raises(mf.InputError, match=r"80 degrees aside .* focus a larger grid ahead"):
         to_image_view(image)
+
+
+@pytest.mark.parametrize(
+    ("taper", "count"),
+    [
+        ("hann", 401),
+        ("kaiser", 0),
+        (np.linspace(0.5, 1.0, 401), 401),
+        (np.linspace(0.5, 1.0, 401) * 1j, 401),
+        (np.ones(400), 0),
+        (np.zeros(401), 0),
+        (["a", "b"], 0),
+    ],
+)
+def test_weights_over_frequency_are_those_of_the_image_if_they_are_known(taper, count):
+    image = gaussian_image([], *GRID).assign_attrs(frequency_start=290e9, frequency_stop=300e9, frequency_points=401,
+                                                   tx_aperture=0.08, rx_aperture=0.08, taper=taper)  # fmt: skip
+    assert to_image_view(image).window.shape == (count,)
+    assert to_image_view(image.assign_attrs(frequency_points=10**12, taper="hann")).window.size < 10_000
+
+
+def test_an_image_without_a_band_has_no_weights_over_frequency():
+    assert to_image_view(gaussian_image([], *GRID).drop_attrs()).window.size == 0

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import in_message
@@ -14,12 +15,15 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import window
+from mirrorfold.common.windows import WINDOWS
 from mirrorfold.detection.echoes import noise_level
 from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, ImageView
 from mirrorfold.detection.views.resampling import interpolated, sampled
 from mirrorfold.detection.views.view import check_samples
 from mirrorfold.errors import InputError
+
+MOST_WEIGHTS = 4096
+"""Largest number of weights of a window known by name: a file may say that it has billions."""
 
 SAMPLE_BYTES = 64
 """Memory [bytes] of a polar sample during resampling: its position, its pixel coordinates, real and imaginary part."""
@@ -86,7 +90,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         wavelength = speed / (0.5 * (low + high))
         # A Hann taper over the band makes the half-amplitude width twice the ideal c/(2B).
         range_cell = speed / ((high - low) * points / (points - 1))
-        weights = np.abs(window(attrs.get("taper", "hann"), points, "taper"))
+        weights = _weights(attrs.get("taper", "hann"), points)
         aperture /= wavelength
         if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
             aperture = np.array([aperture.sum(), 0.0])
@@ -126,3 +130,12 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
                      ambiguous if nearest < ambiguous else np.inf, height=height, window=weights)  # fmt: skip
     return view, (x, y)
+
+
+def _weights(taper: ArrayLike, points: int) -> Array:
+    """Weights over frequency, (n,): those of a window by its name, or the user's own; empty if they are not known."""
+    if isinstance(taper, str):
+        return WINDOWS[taper](min(points, MOST_WEIGHTS)) if taper in WINDOWS else np.zeros(0)
+    own = np.asarray(taper)
+    known = own.shape == (points,) and own.dtype.kind in "iufc" and bool(np.isfinite(own).all() and own.any())
+    return np.asarray(np.abs(own), dtype=float) if known else np.zeros(0)
