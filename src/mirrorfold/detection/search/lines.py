@@ -260,7 +260,8 @@ class _Lines(Search[LineMirror]):
     def _without_shining_ends(self, mirror: LineMirror, own: Echoes) -> LineMirror:
         """The mirror without bright objects at its ends, as explained at `DARK_CELLS`.
 
-        `own` are the echoes of its row. A bright end is cut off only where nothing stands before it.
+        `own` are the echoes of its row. A bright end is cut off only where nothing stands before it, and if it is too
+        short for a mirror.
         """
         own = own.take(np.argsort(mirror.along(own.position)))
         place, power = mirror.along(own.position), own.amplitude**2
@@ -276,6 +277,9 @@ class _Lines(Search[LineMirror]):
             wall, beyond = sides if late else sides[::-1]
             seen = np.sort(own.direction[beyond | (np.arange(place.size) == i + (not late))])
             if power[beyond].mean() < GLINT_RATIO * power[wall].mean() or not clear[seen[0] : seen[-1] + 1].all():
+                continue
+            end = mirror.part(place[i], mirror.length) if late else mirror.part(0.0, place[i + 1])
+            if end.length >= self.shortest(end):
                 continue
             if late and not place[i] - glint < foot < mirror.length + glint:
                 last = min(last, float(place[i]))
