@@ -68,15 +68,10 @@ def test_wider_gaps_and_what_was_seen_otherwise_stay_apart():
     assert len(added(pair, tree, view).initial) == 3
     assert not len(added(*points_at(view, (50.0, 0.0), (50.0 + GAP_CELLS + 0.01, 0.0)), view).initial)
     for other in (
-        {"chain": np.array(["", "0"])}, {"wall": np.array(["0", "0"])},
+        {"chain": np.array(["", "0"])}, {"mirror": np.array(["", "0"])}, {"wall": np.array(["0", "0"])},
         {"explanation": np.array(["", "comes from afar"])}, {"explanation": np.array(["comes from afar"] * 2)},
     ):  # fmt: skip
         assert not len(added(replace(pair, **other), tree, view).initial), other
-    three, tree_of_three = points_at(view, (50.0, 0.0), (51.0, 0.0), (52.0, 0.0))
-    ghost_between = replace(three, explanation=np.array(["", "comes from afar", ""]))
-    assert len(added(ghost_between, tree_of_three, view).initial) == 3
-    one_on_a_face = added(replace(pair, mirror=np.array(["", "0"])), tree, view)
-    assert one_on_a_face.mirror.tolist() == ["", "0", "0"]
     doubted = replace(pair, confidence=np.array([0.9, 0.3]))
     assert added(doubted, tree, view).confidence.tolist() == pytest.approx([0.3] * 3)
     # What was measured of the echoes, and what they say of the mirror they lie on, is theirs alone.

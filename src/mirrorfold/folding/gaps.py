@@ -20,9 +20,9 @@ from mirrorfold.detection.image_echoes import FAINT_DB
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.mirror_tree import MirrorTree
 
-GAP_CELLS = 4.0
-"""Widest gap that is closed, in resolution cells: one cell beside each of two bright echoes, or two beside one that
-outshines it by its side lobes, such as the vertex of a corner; and one or two in which speckle fades."""
+GAP_CELLS = 3.0
+"""Widest gap that is closed, in resolution cells: one cell beside each of two bright echoes, and one in which speckle
+fades."""
 
 STEP_CELLS = 0.5
 """Largest distance between points in a closed gap, in resolution cells: closer points would add no information."""
@@ -32,7 +32,7 @@ FIT_CELLS = 1.5
 from the middle of the widest gap to its ends."""
 
 SAMPLES = 12
-"""Number of places in a gap at which the image is looked up: three in a resolution cell of the widest gap."""
+"""Number of places in a gap at which the image is looked up: four in a resolution cell of the widest gap."""
 
 FARTHEST = 3.0
 """Echoes farther away than this multiple of `FIT_CELLS` are left out of the fit: they weigh less than ``exp(-9/2)``, a
@@ -48,8 +48,7 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
 
     Neighbours are echoes joined by the minimum spanning tree of all echoes in the unfolded image (Kruskal, Proc. AMS 7,
     1956), with distances in resolution cells, by whatever chains they were seen: so a gap is the same before folding
-    and after. Echoes with an explanation do not count, for they are of no surface. A gap is closed if both ends have
-    the same chain. They may lie on different faces: one leg of a corner may be a mirror where the other is none.
+    and after. It is closed if both ends have the same chain, and lie on the face of the same mirror or on none.
 
     Parameters
     ----------
@@ -66,23 +65,22 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
         A new point has the amplitude of the image at its place, and the confidence of the less certain end of its gap.
         What is known of echoes alone, such as `confocal`, is NaN.
     """
-    seen = points.take(np.flatnonzero(points.explanation == ""))
-    if len(seen.initial) < 2:
+    if len(points.initial) < 2:
         return points
-    cells = cKDTree(view.in_cells(seen.initial))
-    first, second, apart = _neighbours(seen, cells)
+    cells = cKDTree(view.in_cells(points.initial))
+    first, second, apart = _neighbours(points, cells)
     share = np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1, None, None]
-    between = (1.0 - share) * seen.initial[first] + share * seen.initial[second]
-    needed = np.minimum(seen.exceeded[first], seen.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
+    between = (1.0 - share) * points.initial[first] + share * points.initial[second]
+    needed = np.minimum(points.exceeded[first], points.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
     bright = np.all(_brightest_beside(between, view) >= needed, axis=0)
     first, second, pieces = first[bright], second[bright], np.ceil(apart[bright] / STEP_CELLS).astype(np.intp)
 
     gap = np.repeat(np.arange(len(pieces)), pieces - 1)
     piece = np.arange(len(gap)) - (np.cumsum(pieces - 1) - pieces)[gap]
     first, second, share = first[gap], second[gap], (piece / pieces[gap])[:, None]
-    new = seen.take(np.where(share[:, 0] < 0.5, first, second))
-    straight = (1.0 - share) * seen.initial[first] + share * seen.initial[second]
-    initial = _on_surface(straight, seen, cells, view)
+    new = points.take(np.where(share[:, 0] < 0.5, first, second))
+    straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
+    initial = _on_surface(straight, points, cells, view)
     position = np.empty_like(initial)
     for chain, fold in tree.folds().items():
         own = new.chain == chain_name(chain)
@@ -92,8 +90,8 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
         position=position,
         initial=initial,
         amplitude=np.sqrt(view.power_at(*view.to_polar(initial))),
-        confidence=np.minimum(seen.confidence[first], seen.confidence[second]),
-        error=np.maximum(seen.error[first], seen.error[second]),
+        confidence=np.minimum(points.confidence[first], points.confidence[second]),
+        error=np.maximum(points.error[first], points.error[second]),
         confocal=np.full(len(gap), np.nan),
         passed=np.full(len(gap), np.nan),
         decided=np.full(len(gap), ""),
@@ -103,13 +101,15 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
 
 
 def _neighbours(points: Points, cells: cKDTree) -> tuple[Index, Index, Array]:
-    """Both indices of neighbours with the same chain that are farther apart than `STEP_CELLS` and at most `GAP_CELLS`,
-    and their distance, (n,) each. `cells` holds the points in units of resolution cells.
+    """Both indices of neighbours with the same chain and face that are farther apart than `STEP_CELLS` and at most
+    `GAP_CELLS`, and their distance, (n,) each. `cells` holds the points in units of resolution cells.
     """
     edges = minimum_spanning_tree(cells.sparse_distance_matrix(cells, GAP_CELLS, output_type="coo_matrix")).tocoo()
     first, second = edges.row, edges.col
     gap = (edges.data > STEP_CELLS) & (points.wall[first] == "") & (points.wall[second] == "")
-    gap &= points.chain[first] == points.chain[second]
+    for seen in (points.chain, points.mirror, points.explanation):
+        gap &= seen[first] == seen[second]
+    gap &= points.explanation[first] == ""
     return first[gap], second[gap], edges.data[gap]
 
 
