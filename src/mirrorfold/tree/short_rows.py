@@ -19,7 +19,6 @@ from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
-from mirrorfold.detection.views.image_view import CORNER_CELLS
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
 from mirrorfold.tree.explaining.corners import bright_places
@@ -94,5 +93,5 @@ def short_rows(
     vertex = bright_places(rows, view)
     if corners is not None and len(vertex):
         vertex = vertex[corners(vertex)]
-    reach = CORNER_CELLS * np.asarray(view.cell(np.linalg.norm(vertex - view.radar, axis=1)))
-    return [row for row in rows if not np.any(np.linalg.norm(row.ends[:, None] - vertex, axis=2) <= reach)]
+    told = view.told(corners=vertex)
+    return [row for row in rows if not told.near_corner(row.ends).any()]

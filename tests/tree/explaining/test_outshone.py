@@ -52,15 +52,16 @@ def test_a_point_beside_a_glint_is_explained_by_it_if_it_is_far_weaker(below_db,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("below", "count"), [(np.inf, 0), (HALF, 500), (PART, 520)])
-def test_a_glint_that_some_of_the_pairs_see_is_no_ring_of_objects(below, count):
+@pytest.mark.parametrize(("below", "count", "missed"), [(np.inf, 0, 0), (HALF, 500, 0), (PART, 520, 25)])
+def test_a_glint_that_some_of_the_pairs_see_is_no_ring_of_objects(below, count, missed):
+    """Of lobes that few pairs see, the ends and what stands beside them in range are told in part."""
     objects = mf.fold(glint_image(seen_below=below))["objects"].to_dataset(inherit=False)
     away = np.hypot(objects["x_initial"] - GLINT[0], objects["y_initial"] - GLINT[1]).values > 0.1
     assert np.count_nonzero(away) == pytest.approx(count, abs=150)
     told = (objects["explanation"].values == OUTSHONE)[away]
+    assert np.count_nonzero(~told) <= missed
     doubted = (objects["confidence"].values < 0.5)[away]
-    assert told.sum() >= 0.8 * count
-    assert np.count_nonzero(~(told | doubted)) <= 0.02 * count
+    assert np.count_nonzero(~(told | doubted)) <= missed // 2
     assert "" in objects["explanation"].values[~away]
 
 

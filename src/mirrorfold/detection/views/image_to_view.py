@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import WINDOWS
+from mirrorfold.common.windows import window
 from mirrorfold.detection.echoes import noise_level
 from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, ImageView
 from mirrorfold.detection.views.resampling import interpolated, sampled
@@ -134,8 +135,6 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
 
 def _weights(taper: ArrayLike, points: int) -> Array:
     """Weights over frequency, (n,): those of a window by its name, or the user's own; empty if they are not known."""
-    if isinstance(taper, str):
-        return WINDOWS[taper](min(points, MOST_WEIGHTS)) if taper in WINDOWS else np.zeros(0)
-    own = np.asarray(taper)
-    known = own.shape == (points,) and own.dtype.kind in "iufc" and bool(np.isfinite(own).all() and own.any())
-    return np.asarray(np.abs(own), dtype=float) if known else np.zeros(0)
+    with suppress(InputError):
+        return np.abs(window(taper, min(points, MOST_WEIGHTS) if isinstance(taper, str) else points, "taper"))
+    return np.zeros(0)

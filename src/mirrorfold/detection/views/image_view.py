@@ -344,8 +344,7 @@ def _claim(claim: Array, amplitude: Array, near: int, far: int, level: float) ->
     between the distances `near` and `far`, in samples: their `level`, relative to the brightest echo so far away.
     """
     size = far - near + 1
-    brightest = maximum_filter1d(amplitude, size, axis=1, mode="constant")
-    brightest *= level
+    brightest = level * (amplitude if size == 1 else maximum_filter1d(amplitude, size, axis=1, mode="constant"))
     middle = near + size // 2
     np.maximum(claim[:, middle:], brightest[:, :-middle], out=claim[:, middle:])
     np.maximum(claim[:, :-middle], brightest[:, middle:], out=claim[:, :-middle])
