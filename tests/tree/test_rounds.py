@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from synthetic import echoes_at, empty_view, on_line
 
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.rounds import find_tree
@@ -52,3 +53,15 @@ def test_part_of_a_wall_that_is_found_later_hides_nothing_any_more():
 def test_a_wall_that_does_not_last_shows_nothing():
     whole, half = LineMirror(*WALL), LineMirror(WALL[0], WALL.mean(axis=0))
     assert visible([half], [whole], [half]) == (True, False, False)
+
+
+def test_a_round_with_an_image_of_the_radar_keeps_curved_mirrors_besides():
+    """A wall that faces the array shows the array's own surface, in a straight row: that is no mirror."""
+    view = replace(empty_view(), wavelength=1e-3)
+    faces = LineMirror(np.array([-0.4, 1.1]), np.array([0.4, 1.1]))
+    own = LineMirror(np.array([-0.05, 2.2]), np.array([0.05, 2.2]))
+    arc = ArcMirror(middle=np.array([0.8, 1.4]), radius=0.2, first=np.pi, span=1.0, radar=np.zeros(2))
+    places = np.concatenate([on_line(*mirror.ends, spacing=0.005) for mirror in (faces, own)])
+    found = find_tree(view, echoes_at(view, places), SETTINGS, find=finds([faces, own]), besides=[arc])
+    assert {type(node.line) for node in found.tree.mirrors} == {LineMirror, ArcMirror}
+    assert len(list(found.tree.walk())) == 3

@@ -28,11 +28,13 @@ def completed(
 ) -> list[Mirror]:
     """The mirrors, prolonged across shadows of objects, and further ones: joined short rows, and walls seen edge-on.
 
-    `shortest` [m] is the least length of a mirror.
+    Only straight rows are prolonged; arcs are returned as they are. `shortest` [m] is the least length of a mirror.
     """
     clear = order.sight.cover.clear
     loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
-    longer = [beyond_shadows(mirror, view, loose, clear) for mirror in mirrors if isinstance(mirror, LineMirror)]
+    longer = [
+        beyond_shadows(mirror, view, loose, clear) if isinstance(mirror, LineMirror) else mirror for mirror in mirrors
+    ]
 
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
     found = find(view, sighted, minimum_length=0.5 * shortest)

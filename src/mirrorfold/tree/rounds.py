@@ -237,15 +237,17 @@ def agreed(
             lone = lone_legs(mirrors, view, shortest)
             mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
         mirrors = overhangs.on(mirrors, view)
-        order = order_mirrors([*mirrors, *besides], view, echoes, settings, walls)
+        rest = list(besides)
+        order = order_mirrors([*mirrors, *rest], view, echoes, settings, walls)
         # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene.
         if known is None and settings.opaque and (own := order.images_of_radar()).any():
-            mirrors = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself]
+            # The order's mirrors are those of both lists, some of them cut.
+            mirrors, rest = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself], []
             order = order_mirrors(mirrors, view, echoes, settings, walls)
         if known is None and tested and settings.opaque and isinstance(view, ImageView):
             more = overhangs.on(completed(mirrors, order, view, echoes, length or 0.0, find), view)
             if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
-                order = order_mirrors([*more, *besides], view, echoes, settings, walls)
+                order = order_mirrors([*more, *rest], view, echoes, settings, walls)
         # The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
         if known is None and tested and settings.opaque and (kept := without_bent(order)):
             order = order_mirrors(kept, view, echoes, settings, walls)
