@@ -22,6 +22,9 @@ BAND_SAMPLES, ABOVE_FULL = 9, 2.0
 """Number of frequencies at which lobes are computed; and the least height of a lobe that counts, in side lobes of a
 full aperture, which are never taken for echoes."""
 
+STEPS_A_LOBE = 4
+"""Number of steps of frequency in which a lobe wanders by its own width, where its mean over the band is taken."""
+
 LOBE_SAMPLES = 1_000_000
 """Number of phases of lobes that are computed at once; bounds the memory."""
 
@@ -113,3 +116,31 @@ def beside_main_lobe(sides: list[Aperture], k: Array, sine: Array) -> Array:
     lengths = [float(np.ptp(side.along)) * some[0] / (2.0 * np.pi) for side in sides]
     full = np.prod([1.0 / np.maximum(np.pi * length * np.abs(sine), 1.0) for length in lengths], axis=0)
     return np.where(level > ABOVE_FULL * full, level, 0.0)
+
+
+def wandering_lobes(sides: list[Aperture], k: Array, sine: Array, weights: Array, beyond: Array) -> Array:
+    """Amplitude, relative to an echo, of its lobe in the image of the whole band, (m, n).
+
+    A lobe wanders as the wavelength changes. So each direction holds it in a part of the band only: it is lower there
+    than at a single frequency, and longer in range.
+
+    Parameters
+    ----------
+    sides : list of Aperture
+        The transmitters and the receivers.
+    k : (frequencies,) array [rad/m]
+        Wavenumbers of the band.
+    sine : (n,) array
+        How far the lobe is aside of the echo, in u.
+    weights : (w,) array
+        Weights of the image over the band.
+    beyond : (m,) array [m]
+        How much farther away than the echo, or nearer, the lobe is looked at.
+    """
+    sides = [side._replace(weight=np.ones(len(side.position))) for side in sides]
+    length, band = max(float(np.ptp(side.along)) for side in sides), float(k[-1] - k[0])
+    wanders = band * length / (2.0 * np.pi) * float(np.abs(sine).max(initial=0.0))  # in widths of a lobe
+    share = np.linspace(0.0, 1.0, max(BAND_SAMPLES, int(np.ceil(STEPS_A_LOBE * wanders)) + 1))
+    weight = np.interp(share, np.linspace(0.0, 1.0, weights.size), weights)
+    lobe = np.stack([np.prod([side.beam(float(k[0] + part * band), sine) for side in sides], axis=0) for part in share])
+    return np.asarray(np.abs(np.exp(2j * band * np.outer(beyond, share)) * weight @ lobe) / weight.sum())

@@ -22,8 +22,15 @@ LOBE = "is a grating lobe of a brighter one"
 MARGIN_DB = 3.0
 """A lobe may be this much stronger than the strongest one expected at its place: lobes of two echoes add."""
 
-HIGHEST = 0.5
-"""Lobes at least this high, relative to their echo, are not used: an echo would pass for the lobe of its own ghost."""
+HIGHEST = 0.7
+"""Lobes at least this high, relative to their echo, are not used: with the margin, they would be as strong as the echo,
+and of two echoes each would pass for a lobe of the other. Lobes that are so high at a single frequency, as those of
+antennas a wavelength apart, may be lower in the image of the whole band, because they wander: then that height counts.
+"""
+
+LONGEST_CELLS = 8
+"""Distance in range, in resolution cells, up to which such a wandering lobe is looked for: it is longer than its echo,
+the more so the lower it is."""
 
 
 def lobe_level(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
@@ -31,16 +38,36 @@ def lobe_level(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> A
 
     The sweep of the `waves` is one of several transmitters and receivers; the `view` holds the echoes that have lobes.
     """
-    cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
-    level = waves.lobes(view).copy()
+    level = waves.lobes(view)
+    high = _heights(level) >= HIGHEST
+    found = _strongest(np.where(high, 0.0, level)[None], view, range_, u)
+    if not high.any():
+        return found
+    level = np.zeros((1 + LONGEST_CELLS * SAMPLES_PER_CELL, level.size))
+    level[:, high] = waves.wandering_lobes(view, len(level), np.flatnonzero(high))
+    level[:, _heights(level[0]) >= HIGHEST] = 0.0
+    return np.maximum(found, _strongest(level, view, range_, u))
+
+
+def _heights(level: Array) -> Array:
+    """The height of the lobe that each of the `level` (n,) belongs to, (n,); zero outside of lobes."""
     each, count = label(level > 0.0)
-    height = np.asarray(maximum(level, each, np.arange(count + 1)))
-    level[height[each] >= HIGHEST] = 0.0
-    level = maximum_filter1d(level, cell)
+    return np.asarray(maximum(level, each, np.arange(count + 1)))[each]
+
+
+def _strongest(level: Array, view: ImageView, range_: Array, u: Array) -> Array:
+    """Amplitude of the strongest lobe of other echoes at ranges [m] and u, (n,) each.
+
+    `level` (m, n) holds the heights of lobes relative to their echo, by the distances in samples of range and u.
+    """
+    cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
+    level = maximum_filter1d(level, cell, axis=1)
     brightest = maximum_filter1d(view.amplitude, cell, axis=0)
-    row = view.row(range_)
-    beside, found = np.arange(view.u.size), np.empty(range_.size)
+    row, beside, found = view.row(range_), np.arange(view.u.size), np.zeros(range_.size)
     for some in in_pieces(range_.size):
-        column = view.column(u[some])
-        found[some] = (level[np.abs(column[:, None] - beside)] * brightest[row[some]]).max(axis=1)
+        column = np.abs(view.column(u[some])[:, None] - beside)
+        for away, lobe in enumerate(level):
+            for there in {-away, away}:
+                echo = brightest[np.clip(row[some] + there, 0, len(brightest) - 1)]
+                found[some] = np.maximum(found[some], (lobe[column] * echo).max(axis=1))
     return found

@@ -19,7 +19,13 @@ from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POI
 from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import wavenumber
 from mirrorfold.sweep.pairs import Pairs, pairs_of
-from mirrorfold.tree.explaining.apertures import Aperture, apertures, beside_main_lobe, grating_lobe
+from mirrorfold.tree.explaining.apertures import (
+    Aperture,
+    apertures,
+    beside_main_lobe,
+    grating_lobe,
+    wandering_lobes,
+)
 
 PAIRS = 1000, 8000
 """Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
@@ -137,6 +143,16 @@ class SweepWaves:
         if not self._lobes.size:
             self._lobes = beside_main_lobe(self.apertures, wavenumber(self.sweep), view.u - view.u[0])
         return self._lobes
+
+    def wandering_lobes(self, view: ImageView, samples: int, columns: Index) -> Array:
+        """As `lobes` at distances in u of `columns` (n,), in the image of the whole band: (samples, n).
+
+        The first axis is the distance in range, from zero on.
+        """
+        weights = view.window if view.window.size else hann(view.u.size)
+        beyond = np.linspace(0.0, (samples - 1) * float(view.range[1] - view.range[0]), samples)
+        sine = view.u[columns] - view.u[0]
+        return wandering_lobes(self.apertures, wavenumber(self.sweep), sine, weights, beyond)
 
 
 def profile_bytes(sweep: xr.Dataset) -> float:
