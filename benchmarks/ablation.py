@@ -26,7 +26,7 @@ import mirrorfold as mf
 from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.common.types import Chain, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.search import lines, side_lobes
+from mirrorfold.detection.search import lines, shadows, side_lobes
 from mirrorfold.detection.views import image_to_view
 from mirrorfold.detection.views.view import View
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
@@ -83,6 +83,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),
     "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror: mirror}}, {}),
+    "walls where they are faint": ({shadows: {"goes_on": lambda gap, view: False}}, {}),
     "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
     "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),
     "beams beyond the ends of mirrors": ({assignment: {"beyond_ends": lambda order, echoes, owner: owner}}, {}),

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
 from mirrorfold.detection.finding import Finder, find_mirrors
 from mirrorfold.detection.search.edge_on import edge_on
+from mirrorfold.detection.search.growing import lies_on
 from mirrorfold.detection.search.lines import MINIMUM_CELLS
 from mirrorfold.detection.search.shadows import beyond_shadows, joined
 from mirrorfold.tree.lines_of_sight import ROOT
@@ -32,15 +33,17 @@ def completed(
     """
     clear = order.sight.cover.clear
     loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
-    longer = [
-        beyond_shadows(mirror, view, loose, clear) if isinstance(mirror, LineMirror) else mirror for mirror in mirrors
-    ]
+    lines = [mirror for mirror in mirrors if isinstance(mirror, LineMirror)]
+    known = [mirror for mirror in order.mirrors if isinstance(mirror, LineMirror)]
+    longer = [beyond_shadows(mirror, view, loose, clear, known) for mirror in lines]
+    arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
     found = find(view, sighted, minimum_length=0.5 * shortest)
-    halves = [row for row in found if isinstance(row, LineMirror)]
+    lines = [row for row in found if isinstance(row, LineMirror)]
+    halves = [row for row in lines if not any(lies_on(row, mirror, view) for mirror in longer)]
     whole = joined(halves, view, sighted, clear, shortest)
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
     rows = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]
-    return [*longer, *whole, *edge_on(seen, rows, view, echoes, shortest)]
+    return [*longer, *arcs, *whole, *edge_on(seen, rows, view, echoes, shortest)]

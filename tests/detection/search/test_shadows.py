@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from synthetic import diffuse, radar_image, together
+from synthetic import diffuse, radar_image, radar_view, together
 
 from mirrorfold.detection.finding import find_echoes, see
+from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.search.shadows import beyond_shadows, joined
+from mirrorfold.detection.search import shadows
+from mirrorfold.detection.search.shadows import beyond_shadows, goes_on, joined
 
 START, END = np.array([-0.5, 1.4]), np.array([0.5, 1.3])
 GAP = 0.42, 0.62
 """The wall, and from which share of its length to which it is hidden."""
+
+FAINT = 0.3, 0.75
+"""From which share of its length to which it is faint."""
 
 
 def at(share):
@@ -85,3 +92,43 @@ def test_two_rows_too_short_alone_are_one_wall():
     assert true < 3.0 * wall.angle_error
     assert joined(rows, view, echoes, hidden(view), 1.2 * together) == []
     assert joined(rows, view, echoes, all_clear, 0.9 * together) == []
+
+
+def faint(strength):
+    """The view and the echoes of a wall whose middle part is fainter by a factor; noise is 60 dB below the wall."""
+    parts = (
+        diffuse(START, at(FAINT[0]), seed=1),
+        diffuse(at(FAINT[0]), at(FAINT[1]), seed=2, strength=strength),
+        diffuse(at(FAINT[1]), END, seed=3),
+    )
+    view = radar_view(*together(*parts), noise=1e-3 * np.sqrt(500.0))
+    return view, find_ridges(view)
+
+
+@pytest.mark.parametrize(("strength", "goes_on"), [(0.03, True), (0.0, False)])
+def test_a_wall_goes_on_where_it_is_faint_but_brighter_than_what_is_beside_it(strength, goes_on, monkeypatch):
+    view, echoes = faint(strength)
+    part = replace(LineMirror(START, at(FAINT[0])), strength=1.0)
+    longer = beyond_shadows(part, view, echoes, all_clear)
+    assert np.linalg.norm(longer.end - (END if goes_on else part.end)) < 0.05
+    with monkeypatch.context() as context:  # it is not the few echoes between that continue it
+        context.setattr(shadows, "goes_on", lambda gap, view: False)
+        assert beyond_shadows(part, view, echoes, all_clear).length < part.length + 0.05
+
+
+def test_two_mirrors_of_one_faint_wall_meet_halfway():
+    view, echoes = faint(0.03)
+    parts = [replace(LineMirror(*ends), strength=1.0) for ends in ((START, at(FAINT[0])), (at(FAINT[1]), END))]
+    left, right = (beyond_shadows(part, view, echoes, all_clear, parts) for part in parts)
+    assert np.linalg.norm(left.end - right.start) < 1e-3
+    assert np.linalg.norm(left.end - at(np.mean(FAINT))) < 0.02
+
+
+def test_side_lobes_of_a_glint_do_not_continue_a_wall():
+    """They lie in a row that faces the radar, as the wall does."""
+    ends = (-0.5, 1.4), (-0.1, 1.4), (0.1, 1.4), (0.5, 1.4)
+    glint = np.array([[-0.12, 1.4]]), np.array([3e3 + 0j])
+    parts = diffuse(ends[0], ends[1], seed=1), diffuse(ends[2], ends[3], seed=2), glint
+    view = radar_view(*together(*parts), noise=1e-3)
+    part = replace(LineMirror(*np.array(ends[:2])), strength=1.0)
+    assert not goes_on(part.part(part.length + 0.02, part.length + 0.18), view)

@@ -1,8 +1,9 @@
-"""Step 2 in the floor plan, at its end: walls go on behind the objects that hide a part of them.
+"""Step 2 in the floor plan, at its end: walls go on where a part of them is hidden by an object, or faint.
 
 An object in front of a wall casts a shadow on it, where the row of the wall's echoes breaks off. If the row goes on
 along the same line where the shadow ends, both parts are one wall: a mirror is continued, and two rows that are each
-too short to be a mirror may be one together.
+too short to be a mirror may be one together. The same holds across a gap in which the wall's speckle is too weak for
+echoes, but the image is still brighter on the line than beside it. In an opening, it is dark there.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.growing import NEAR, lies_on
 from mirrorfold.detection.search.rows import GAP_CELLS
@@ -26,6 +27,17 @@ wall: the ridge of a single echo is shorter."""
 HALF_HIDDEN_CELLS = 1.0
 """Length of a wall, in resolution cells, that is half hidden at the edge of a shadow, and may be faint."""
 
+BESIDE_CELLS, BESIDE_SAMPLES = (2.0, 4.0), 5
+"""Where the image is looked at beside a line, in resolution cells across it, and at how many places: nearer, the row
+itself would be seen. That is two cells, which vary half as much as one."""
+
+FAINTEST = 1e-4
+"""Power, relative to that of the row, below which it is not told from noise and side lobes."""
+
+SIGNIFICANT, SPECKLE_SPREAD = 3.0, np.pi / np.sqrt(6.0)
+"""Number of standard deviations by which a row must be brighter than what is beside it; and the standard deviation of
+the logarithm of the power of speckle, which is distributed exponentially."""
+
 SAMPLES = 64
 """Number of places in a gap at which the line is tested for being hidden."""
 
@@ -34,7 +46,9 @@ Clear = Callable[[Array, Index, Array | float], Mask]
 """A function that tells which echoes, at ranges [m], in directions and of amplitudes, no object in front hides."""
 
 
-def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> LineMirror:
+def beyond_shadows(
+    mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear, others: Sequence[LineMirror] = ()
+) -> LineMirror:
     """Continue a mirror beyond the shadows of objects, as far as its row of echoes goes on; else return it as it is.
 
     Parameters
@@ -46,9 +60,11 @@ def beyond_shadows(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: C
         Only visible ones count; faint ones continue a wall, too.
     clear : callable
         See `Clear`.
+    others : sequence of LineMirror
+        Mirrors that it does not run over. If the wall goes on up to one of them on its line, both meet halfway.
     """
     backwards = mirror.part(mirror.length, 0.0)
-    before, after = (_reach(way, view, echoes, clear) - way.length for way in (backwards, mirror))
+    before, after = (_reach(way, view, echoes, clear, others) - way.length for way in (backwards, mirror))
     return mirror if before == after == 0.0 else mirror.part(-before, mirror.length + after)
 
 
@@ -83,6 +99,24 @@ def joined(
     return found
 
 
+def goes_on(gap: LineMirror, view: ImageView) -> bool:
+    """Whether a row goes on in a `gap` of its echoes, too faint for any: it is brighter there than what is beside it.
+
+    Compared are the means of the logarithm of power on the line, and on that side of it that is brighter. What may be a
+    side lobe of brighter echoes does not count.
+    """
+    places, cells = gap.places(view), max(gap.independent(view), 1.0)
+    beside = np.linspace(*BESIDE_CELLS, BESIDE_SAMPLES)
+    across = view.extent(places, gap.normal)[:, None] * np.concatenate([-beside, [0.0], beside])
+    range_, u = view.to_polar(places[:, None] + across[..., None] * gap.normal)
+    power, margin = view.power_at(range_, u), 10.0 ** (SIDE_LOBE_MARGIN_DB / 10.0)
+    on_line = power[:, BESIDE_SAMPLES]
+    on_line[on_line <= margin * view.side_lobes[view.row(range_), view.column(u)][:, BESIDE_SAMPLES] ** 2] = 0.0
+    level = np.log(np.maximum(power, max(FAINTEST * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
+    brighter = level[BESIDE_SAMPLES] - max(level[:BESIDE_SAMPLES].mean(), level[-BESIDE_SAMPLES:].mean())
+    return bool(brighter > SIGNIFICANT * SPECKLE_SPREAD * np.sqrt(1.5 / cells))
+
+
 def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView) -> LineMirror:
     """The mirror on the line through the middle of a row and the mean of the echoes (n, 2) [m] beyond a shadow.
 
@@ -98,24 +132,41 @@ def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView
     return replace(whole, offset_error=error, angle_error=float(np.degrees(error / line.length)))
 
 
-def _reach(mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear) -> float:
-    """Length [m] of a mirror from its start to the end of the last row of echoes that continues it behind a shadow."""
+def _reach(
+    mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear, others: Sequence[LineMirror] = ()
+) -> float:
+    """Length [m] of a mirror from its start to the end of the last row of echoes that continues it.
+
+    The row goes on behind a shadow, or across a gap that is not dark.
+    """
     points = echoes.position[echoes.visible]
-    position = mirror.along(points)
+    position, cell = mirror.along(points), float(view.extent(mirror.ends, mirror.direction).max())
+    end, next_one = mirror.length, _next(mirror, others, view)
+    halfway = 0.5 * (end + next_one)
     on_line = np.abs(mirror.beside(points)) <= NEAR * view.extent(points, mirror.normal)
-    beyond = np.sort(position[on_line & (position > mirror.length)])
-    cell = view.extent(mirror.ends, mirror.direction).max()
-    end = mirror.length
+    beyond = np.sort(position[on_line & (position > end) & (position < halfway)])
     for row in np.split(beyond, np.flatnonzero(np.diff(beyond) > GAP_CELLS * cell) + 1):
-        if row.size and row[0] - end <= GAP_CELLS * cell:  # there is no shadow in between
+        is_row = row.size >= FEWEST and np.ptp(row) >= SHORTEST_CELLS * cell
+        if not is_row or row[0] - end <= GAP_CELLS * cell:  # nearer ones belong to the mirror itself
             continue
-        if row.size < FEWEST or np.ptp(row) < SHORTEST_CELLS * cell:
-            break
         share = _shown(mirror, end, row[0], view, clear)
-        if share == 1.0 or share * (row[0] - end) > (GAP_CELLS + 2.0 * HALF_HIDDEN_CELLS) * cell:
+        seen = share == 1.0 or share * (row[0] - end) > (GAP_CELLS + 2.0 * HALF_HIDDEN_CELLS) * cell
+        if seen and not goes_on(mirror.part(end + cell, row[0] - cell), view):
             break
         end = float(row[-1])
+    if GAP_CELLS * cell < next_one - end < np.inf and goes_on(mirror.part(end + cell, next_one - cell), view):
+        end = halfway
     return end
+
+
+def _next(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> float:
+    """Position [m] along a mirror at which the next one on its line begins, beyond its end; infinite if none does."""
+    begins = [
+        float(mirror.along(other.ends).min())
+        for other in others
+        if (np.abs(mirror.beside(other.ends)) <= NEAR * view.extent(other.ends, mirror.normal)).all()
+    ]
+    return min((begin for begin in begins if begin >= mirror.length), default=np.inf)
 
 
 def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, clear: Clear) -> float:
