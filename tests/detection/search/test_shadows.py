@@ -18,8 +18,8 @@ START, END = np.array([-0.5, 1.4]), np.array([0.5, 1.3])
 GAP = 0.42, 0.62
 """The wall, and from which share of its length to which it is hidden."""
 
-FAINT = 0.3, 0.75
-"""From which share of its length to which it is faint."""
+OBLIQUE, FAINT = np.array([[-0.6, 1.0], [0.1, 1.7]]), (0.3, 0.75)
+"""Another wall, and from which share of its length to which it is faint."""
 
 
 def at(share):
@@ -95,33 +95,38 @@ def test_two_rows_too_short_alone_are_one_wall():
 
 
 def faint(strength):
-    """The view and the echoes of a wall whose middle part is fainter by a factor; noise is 60 dB below the wall."""
+    """The view and the echoes of an oblique wall whose middle is fainter by a factor, and the parts before and behind.
+
+    Noise is 30 dB below the wall.
+    """
+    first, last = (OBLIQUE[0] + share * (OBLIQUE[1] - OBLIQUE[0]) for share in FAINT)
     parts = (
-        diffuse(START, at(FAINT[0]), seed=1),
-        diffuse(at(FAINT[0]), at(FAINT[1]), seed=2, strength=strength),
-        diffuse(at(FAINT[1]), END, seed=3),
+        diffuse(OBLIQUE[0], first, seed=1),
+        diffuse(first, last, seed=2, strength=strength),
+        diffuse(last, OBLIQUE[1], seed=3),
     )
-    view = radar_view(*together(*parts), noise=1e-3 * np.sqrt(500.0))
-    return view, find_ridges(view)
+    view = radar_view(*together(*parts), noise=0.02)
+    rows = [replace(LineMirror(*ends), strength=1.0) for ends in ((OBLIQUE[0], first), (last, OBLIQUE[1]))]
+    return view, find_ridges(view), rows
 
 
 @pytest.mark.parametrize(("strength", "goes_on"), [(0.03, True), (0.0, False)])
 def test_a_wall_goes_on_where_it_is_faint_but_brighter_than_what_is_beside_it(strength, goes_on, monkeypatch):
-    view, echoes = faint(strength)
-    part = replace(LineMirror(START, at(FAINT[0])), strength=1.0)
-    longer = beyond_shadows(part, view, echoes, all_clear)
-    assert np.linalg.norm(longer.end - (END if goes_on else part.end)) < 0.05
+    view, echoes, (part, _) = faint(strength)
+    longer = beyond_shadows(part, view, echoes, all_clear, [part])
+    assert np.linalg.norm(longer.end - (OBLIQUE[1] if goes_on else part.end)) < 0.05
     with monkeypatch.context() as context:  # it is not the few echoes between that continue it
         context.setattr(shadows, "goes_on", lambda gap, view: False)
-        assert beyond_shadows(part, view, echoes, all_clear).length < part.length + 0.05
+        assert beyond_shadows(part, view, echoes, all_clear, [part]).length < part.length + 0.05
+    # Only mirrors are continued so, not rows that are too short for mirrors.
+    assert beyond_shadows(part, view, echoes, all_clear).length < part.length + 0.05
 
 
 def test_two_mirrors_of_one_faint_wall_meet_halfway():
-    view, echoes = faint(0.03)
-    parts = [replace(LineMirror(*ends), strength=1.0) for ends in ((START, at(FAINT[0])), (at(FAINT[1]), END))]
+    view, echoes, parts = faint(0.03)
     left, right = (beyond_shadows(part, view, echoes, all_clear, parts) for part in parts)
     assert np.linalg.norm(left.end - right.start) < 1e-3
-    assert np.linalg.norm(left.end - at(np.mean(FAINT))) < 0.02
+    assert np.linalg.norm(left.end - 0.5 * (parts[0].end + parts[1].start)) < 1e-3
 
 
 def test_side_lobes_of_a_glint_do_not_continue_a_wall():

@@ -38,6 +38,9 @@ SIGNIFICANT, SPECKLE_SPREAD = 3.0, np.pi / np.sqrt(6.0)
 """Number of standard deviations by which a row must be brighter than what is beside it; and the standard deviation of
 the logarithm of the power of speckle, which is distributed exponentially."""
 
+RING_CELLS = 2.0
+"""Largest depth of a row, in range cells, that a ring of side lobes at one range fills: a cell to either side."""
+
 SAMPLES = 64
 """Number of places in a gap at which the line is tested for being hidden."""
 
@@ -47,7 +50,7 @@ Clear = Callable[[Array, Index, Array | float], Mask]
 
 
 def beyond_shadows(
-    mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear, others: Sequence[LineMirror] = ()
+    mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear, others: Sequence[LineMirror] | None = None
 ) -> LineMirror:
     """Continue a mirror beyond the shadows of objects, as far as its row of echoes goes on; else return it as it is.
 
@@ -60,8 +63,9 @@ def beyond_shadows(
         Only visible ones count; faint ones continue a wall, too.
     clear : callable
         See `Clear`.
-    others : sequence of LineMirror
-        Mirrors that it does not run over. If the wall goes on up to one of them on its line, both meet halfway.
+    others : sequence of LineMirror, optional
+        If given, the mirror is also continued across gaps in which it is faint, see `goes_on`. These are mirrors that
+        it does not run over: if the wall goes on up to one of them on its line, both meet halfway.
     """
     backwards = mirror.part(mirror.length, 0.0)
     before, after = (_reach(way, view, echoes, clear, others) - way.length for way in (backwards, mirror))
@@ -109,12 +113,24 @@ def goes_on(gap: LineMirror, view: ImageView) -> bool:
     beside = np.linspace(*BESIDE_CELLS, BESIDE_SAMPLES)
     across = view.extent(places, gap.normal)[:, None] * np.concatenate([-beside, [0.0], beside])
     range_, u = view.to_polar(places[:, None] + across[..., None] * gap.normal)
-    power, margin = view.power_at(range_, u), 10.0 ** (SIDE_LOBE_MARGIN_DB / 10.0)
-    on_line = power[:, BESIDE_SAMPLES]
-    on_line[on_line <= margin * view.side_lobes[view.row(range_), view.column(u)][:, BESIDE_SAMPLES] ** 2] = 0.0
+    power, on_line = view.power_at(range_, u), (range_[:, BESIDE_SAMPLES], u[:, BESIDE_SAMPLES])
+    lobes = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0) * _lobes(*on_line, view)
+    power[power[:, BESIDE_SAMPLES] <= lobes**2, BESIDE_SAMPLES] = 0.0
     level = np.log(np.maximum(power, max(FAINTEST * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
     brighter = level[BESIDE_SAMPLES] - max(level[:BESIDE_SAMPLES].mean(), level[-BESIDE_SAMPLES:].mean())
     return bool(brighter > SIGNIFICANT * SPECKLE_SPREAD * np.sqrt(1.5 / cells))
+
+
+def _lobes(range_: Array, u: Array, view: ImageView) -> Array:
+    """Amplitude of side lobes at ranges [m] and u, (n,) each.
+
+    Those of echoes that only a part of the antennas sees make a ring, which fills no row that crosses it.
+    """
+    lobes = view.side_lobes[view.row(range_), view.column(u)]
+    if np.ptp(range_) > RING_CELLS * view.range_cell:
+        return lobes
+    level, brightest = view.brightest_at(range_)
+    return np.maximum(lobes, view.part_lobes(level, np.abs(u - view.u[brightest])))
 
 
 def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView) -> LineMirror:
@@ -133,15 +149,14 @@ def _through(row: LineMirror, beyond: Array, longer: LineMirror, view: ImageView
 
 
 def _reach(
-    mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear, others: Sequence[LineMirror] = ()
+    mirror: LineMirror, view: ImageView, echoes: Echoes, clear: Clear, others: Sequence[LineMirror] | None
 ) -> float:
-    """Length [m] of a mirror from its start to the end of the last row of echoes that continues it.
-
-    The row goes on behind a shadow, or across a gap that is not dark.
+    """Length [m] of a mirror from its start to the end of the last row of echoes that continues it, see
+    `beyond_shadows`.
     """
     points = echoes.position[echoes.visible]
     position, cell = mirror.along(points), float(view.extent(mirror.ends, mirror.direction).max())
-    end, next_one = mirror.length, _next(mirror, others, view)
+    end, next_one = mirror.length, _next(mirror, others or (), view)
     halfway = 0.5 * (end + next_one)
     on_line = np.abs(mirror.beside(points)) <= NEAR * view.extent(points, mirror.normal)
     beyond = np.sort(position[on_line & (position > end) & (position < halfway)])
@@ -151,7 +166,7 @@ def _reach(
             continue
         share = _shown(mirror, end, row[0], view, clear)
         seen = share == 1.0 or share * (row[0] - end) > (GAP_CELLS + 2.0 * HALF_HIDDEN_CELLS) * cell
-        if seen and not goes_on(mirror.part(end + cell, row[0] - cell), view):
+        if seen and (others is None or not goes_on(mirror.part(end + cell, row[0] - cell), view)):
             break
         end = float(row[-1])
     if GAP_CELLS * cell < next_one - end < np.inf and goes_on(mirror.part(end + cell, next_one - cell), view):
