@@ -284,10 +284,10 @@ def judged(room: str, seed: int, radar: Radar, pitch: float) -> tuple[int, int, 
     false = cKDTree(found.place).query(place)[0] > most
     by_mirrors = np.any([shown for chain, shown in seen.items() if chain] or [np.zeros(len(found.place), bool)], axis=0)
     hidden = found.place[by_mirrors & ~seen[()] & (found.strip >= found.walls)]
-    share = np.nan
-    if len(hidden):
-        away, nearest = cKDTree(place).query(hidden) if len(place) else (np.full(len(hidden), np.inf), 0)
-        share = float(np.mean(away <= most[nearest])) if len(place) else 0.0
+    share = 0.0 if len(hidden) else np.nan
+    if len(hidden) and len(place):
+        away, nearest = cKDTree(place).query(hidden)
+        share = float(np.mean(away <= most[nearest]))
     return len(place), int(false.sum()), result["mirrors"].sizes["mirror"], share
 
 

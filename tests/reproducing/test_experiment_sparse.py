@@ -43,8 +43,10 @@ def test_a_tenth_of_the_frequencies_will_not_do(found):
 
 
 def test_the_sparse_image_must_be_restored(found):
-    """Folding itself tells many of the lobes that are not restored, of channels more than of elements and modes."""
-    for kind, least in (("channels", 0.1), ("elements", 0.2), ("modes", 0.2)):
+    """Less so for channels and modes than for elements: what is not restored stands beside echoes in range, and folding
+    takes much of that for their side lobes. Without that, F would be 0.35 and 0.31 instead of 0.87 and 0.70.
+    """
+    for kind, least in (("channels", 0.1), ("elements", 0.3), ("modes", 0.25)):
         assert number(found, kind, "sparse_not_restored") < number(found, kind, "sparse") - least
 
 

@@ -1,7 +1,7 @@
 """Mirrors that are found once the order is known: parts beyond the shadow of an object, and walls seen edge-on.
 
 Only the order tells which parts of a wall objects hide, and which mirrors are in line of sight. With it, a mirror is
-prolonged to where its row of echoes goes on behind a shadow, and two short rows on one line are joined.
+prolonged to where its row of echoes goes on behind a shadow or a faint gap, and two short rows on one line are joined.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def completed(
     shortest: float,
     find: Finder = find_mirrors,
 ) -> list[Mirror]:
-    """The mirrors, prolonged across shadows of objects, and further ones: joined short rows, and walls seen edge-on.
+    """The mirrors, prolonged across shadows and faint gaps, and further ones: joined rows, and walls seen edge-on.
 
     Only straight rows are prolonged; arcs are returned as they are. `shortest` [m] is the least length of a mirror.
     """
@@ -40,10 +40,10 @@ def completed(
 
     sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
     found = find(view, sighted, minimum_length=0.5 * shortest)
-    lines = [row for row in found if isinstance(row, LineMirror)]
-    halves = [row for row in lines if not any(lies_on(row, mirror, view) for mirror in longer)]
+    rows = [row for row in found if isinstance(row, LineMirror)]
+    halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
     whole = joined(halves, view, sighted, clear, shortest)
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
-    rows = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]
-    return [*longer, *arcs, *whole, *edge_on(seen, rows, view, echoes, shortest)]
+    images = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]
+    return [*longer, *arcs, *whole, *edge_on(seen, images, view, echoes, shortest)]

@@ -17,6 +17,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.growing import NEAR, lies_on
+from mirrorfold.detection.search.lines import SPECKLE_FLOOR
 from mirrorfold.detection.search.rows import GAP_CELLS
 from mirrorfold.detection.views.image_view import ImageView
 
@@ -30,9 +31,6 @@ HALF_HIDDEN_CELLS = 1.0
 BESIDE_CELLS, BESIDE_SAMPLES = (2.0, 4.0), 5
 """Where the image is looked at beside a line, in resolution cells across it, and at how many places: nearer, the row
 itself would be seen. That is two cells, which vary half as much as one."""
-
-FAINTEST = 1e-4
-"""Power, relative to that of the row, below which it is not told from noise and side lobes."""
 
 SIGNIFICANT, SPECKLE_SPREAD = 3.0, np.pi / np.sqrt(6.0)
 """Number of standard deviations by which a row must be brighter than what is beside it; and the standard deviation of
@@ -116,7 +114,7 @@ def goes_on(gap: LineMirror, view: ImageView) -> bool:
     power, on_line = view.power_at(range_, u), (range_[:, BESIDE_SAMPLES], u[:, BESIDE_SAMPLES])
     lobes = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0) * _lobes(*on_line, view)
     power[power[:, BESIDE_SAMPLES] <= lobes**2, BESIDE_SAMPLES] = 0.0
-    level = np.log(np.maximum(power, max(FAINTEST * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
+    level = np.log(np.maximum(power, max(SPECKLE_FLOOR * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
     brighter = level[BESIDE_SAMPLES] - max(level[:BESIDE_SAMPLES].mean(), level[-BESIDE_SAMPLES:].mean())
     return bool(brighter > SIGNIFICANT * SPECKLE_SPREAD * np.sqrt(1.5 / cells))
 

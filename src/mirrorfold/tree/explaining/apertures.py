@@ -110,9 +110,8 @@ def beside_main_lobe(sides: list[Aperture], k: Array, sine: Array) -> Array:
         Wavenumbers of the band.
     sine : (n,) array
     """
-    sides = [side._replace(weight=np.ones(len(side.position))) for side in sides]
     some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
-    level = np.max([np.prod([side.beam(one, sine) for side in sides], axis=0) for one in some], axis=0)
+    level = _lobes(sides, some, sine).max(axis=0)
     lengths = [float(np.ptp(side.along)) * some[0] / (2.0 * np.pi) for side in sides]
     full = np.prod([1.0 / np.maximum(np.pi * length * np.abs(sine), 1.0) for length in lengths], axis=0)
     return np.where(level > ABOVE_FULL * full, level, 0.0)
@@ -137,10 +136,15 @@ def wandering_lobes(sides: list[Aperture], k: Array, sine: Array, weights: Array
     beyond : (m,) array [m]
         How much farther away than the echo, or nearer, the lobe is looked at.
     """
-    sides = [side._replace(weight=np.ones(len(side.position))) for side in sides]
     length, band = max(float(np.ptp(side.along)) for side in sides), float(k[-1] - k[0])
     wanders = band * length / (2.0 * np.pi) * float(np.abs(sine).max(initial=0.0))  # in widths of a lobe
     share = np.linspace(0.0, 1.0, max(BAND_SAMPLES, int(np.ceil(STEPS_A_LOBE * wanders)) + 1))
     weight = np.interp(share, np.linspace(0.0, 1.0, weights.size), weights)
-    lobe = np.stack([np.prod([side.beam(float(k[0] + part * band), sine) for side in sides], axis=0) for part in share])
+    lobe = _lobes(sides, float(k[0]) + share * band, sine)
     return np.asarray(np.abs(np.exp(2j * band * np.outer(beyond, share)) * weight @ lobe) / weight.sum())
+
+
+def _lobes(sides: list[Aperture], k: Array, sine: Array) -> Array:
+    """Product of the beams of both apertures, unweighted, at wavenumbers (m,) and differences in u (n,): (m, n)."""
+    sides = [side._replace(weight=np.ones(len(side.position))) for side in sides]
+    return np.stack([np.prod([side.beam(float(one), sine) for side in sides], axis=0) for one in k])

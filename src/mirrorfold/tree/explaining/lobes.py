@@ -29,8 +29,8 @@ antennas a wavelength apart, may be lower in the image of the whole band, becaus
 """
 
 LONGEST_CELLS = 8
-"""Distance in range, in resolution cells, up to which such a wandering lobe is looked for: it is longer than its echo,
-the more so the lower it is."""
+"""Distance in range, in resolution cells, up to which such a wandering lobe is looked for. A lobe that is n times as
+long as its echo is n times as low: at eight cells it is 18 dB below, at the threshold of strong echoes."""
 
 
 def lobe_level(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
@@ -38,30 +38,8 @@ def lobe_level(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> A
 
     The sweep of the `waves` is one of several transmitters and receivers; the `view` holds the echoes that have lobes.
     """
-    level = waves.lobes(view)
-    high = _heights(level) >= HIGHEST
-    found = _strongest(np.where(high, 0.0, level)[None], view, range_, u)
-    if not high.any():
-        return found
-    level = np.zeros((1 + LONGEST_CELLS * SAMPLES_PER_CELL, level.size))
-    level[:, high] = waves.wandering_lobes(view, len(level), np.flatnonzero(high))
-    level[:, _heights(level[0]) >= HIGHEST] = 0.0
-    return np.maximum(found, _strongest(level, view, range_, u))
-
-
-def _heights(level: Array) -> Array:
-    """The height of the lobe that each of the `level` (n,) belongs to, (n,); zero outside of lobes."""
-    each, count = label(level > 0.0)
-    return np.asarray(maximum(level, each, np.arange(count + 1)))[each]
-
-
-def _strongest(level: Array, view: ImageView, range_: Array, u: Array) -> Array:
-    """Amplitude of the strongest lobe of other echoes at ranges [m] and u, (n,) each.
-
-    `level` (m, n) holds the heights of lobes relative to their echo, by the distances in samples of range and u.
-    """
     cell = 2 * SAMPLES_PER_CELL + 1  # lobes are a little out of focus
-    level = maximum_filter1d(level, cell, axis=1)
+    level = maximum_filter1d(_levels(waves, view), cell, axis=1)
     brightest = maximum_filter1d(view.amplitude, cell, axis=0)
     row, beside, found = view.row(range_), np.arange(view.u.size), np.zeros(range_.size)
     for some in in_pieces(range_.size):
@@ -71,3 +49,26 @@ def _strongest(level: Array, view: ImageView, range_: Array, u: Array) -> Array:
                 echo = brightest[np.clip(row[some] + there, 0, len(brightest) - 1)]
                 found[some] = np.maximum(found[some], (lobe[column] * echo).max(axis=1))
     return found
+
+
+def _levels(waves: SweepWaves, view: ImageView) -> Array:
+    """Heights of lobes relative to their echo, by the distances in samples of range and u, (m, n).
+
+    There is more than one row only if some lobes count by their height in the whole band.
+    """
+    level = waves.lobes(view)
+    high = _heights(level) >= HIGHEST
+    steady = np.where(high, 0.0, level)
+    if not high.any():
+        return steady[None]
+    wandering = np.zeros((1 + LONGEST_CELLS * SAMPLES_PER_CELL, level.size))
+    wandering[:, high] = waves.wandering_lobes(view, len(wandering), np.flatnonzero(high))
+    wandering[:, _heights(wandering[0]) >= HIGHEST] = 0.0
+    wandering[0] += steady
+    return wandering
+
+
+def _heights(level: Array) -> Array:
+    """The height of the lobe that each of the `level` (n,) belongs to, (n,); zero outside of lobes."""
+    each, count = label(level > 0.0)
+    return np.asarray(maximum(level, each, np.arange(count + 1)))[each]

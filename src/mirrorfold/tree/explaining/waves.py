@@ -103,7 +103,8 @@ class SweepWaves:
     """
 
     def __init__(self, sweep: xr.Dataset) -> None:
-        self.sweep, self._made, self._lobes = sweep, dict[int, Waves](), np.empty(0)
+        self.sweep, self._made = sweep, dict[int, Waves]()
+        self._lobes, self._wandering = np.empty(0), np.empty(0)
 
     @cached_property
     def apertures(self) -> list[Aperture]:
@@ -149,10 +150,12 @@ class SweepWaves:
 
         The first axis is the distance in range, from zero on.
         """
-        weights = view.window if view.window.size else hann(view.u.size)
-        beyond = np.linspace(0.0, (samples - 1) * float(view.range[1] - view.range[0]), samples)
-        sine = view.u[columns] - view.u[0]
-        return wandering_lobes(self.apertures, wavenumber(self.sweep), sine, weights, beyond)
+        if not self._wandering.size:
+            weights = view.window if view.window.size else hann(view.u.size)
+            beyond = np.linspace(0.0, (samples - 1) * float(view.range[1] - view.range[0]), samples)
+            sine = view.u[columns] - view.u[0]
+            self._wandering = wandering_lobes(self.apertures, wavenumber(self.sweep), sine, weights, beyond)
+        return self._wandering
 
 
 def profile_bytes(sweep: xr.Dataset) -> float:
