@@ -70,3 +70,16 @@ def test_rows_by_way_of_a_mirror_are_no_halves_of_one_in_line_of_sight():
     near = LineMirror(np.array([-0.5, 1.0]), np.array([0.5, 1.0]))
     view = radar_view(*together(*parts, diffuse(*near.ends, 7)), noise=1e-3)
     assert complete((view, find_ridges(view)), [near], 0.7) == [near]
+
+
+@pytest.mark.parametrize("by_way", [False, True])
+def test_the_image_of_a_wall_ends_where_the_mirror_does_that_shows_it(by_way):
+    """A row beside the mirror, on the same line and beyond the shadow of an object, is of another wall."""
+    shift = np.array([0.0, 0.8])
+    parts = [diffuse(*(np.array(part) + shift), seed) for seed, part in enumerate((LEFT, RIGHT, OBJECT))]
+    near = LineMirror(np.array([-0.6, 1.0]), np.array([-0.045, 1.0]))
+    seen = [diffuse(*near.ends, 7)] if by_way else []
+    view = radar_view(*together(*parts, *seen), noise=1e-3)
+    left = LineMirror(*(np.array(LEFT) + shift))
+    found = complete((view, find_ridges(view)), [left, near] if by_way else [left], 0.35)
+    assert found[0].length == pytest.approx(left.length if by_way else 1.0, abs=0.05)

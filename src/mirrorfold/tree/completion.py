@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
 from mirrorfold.detection.finding import Finder, find_mirrors
 from mirrorfold.detection.search.edge_on import edge_on
@@ -35,10 +37,16 @@ def completed(
     loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
     lines = [mirror for mirror in mirrors if isinstance(mirror, LineMirror)]
     known = [mirror for mirror in order.mirrors if isinstance(mirror, LineMirror)]
-    longer = [beyond_shadows(mirror, view, loose, clear, known) for mirror in lines]
+    through = order.sight.seen_through(loose.range, loose.direction)
+    longer = []
+    for mirror in lines:
+        # The image of a wall behind a mirror ends where that mirror ends: what goes on beside it is of another wall.
+        pieces = [lies_on(piece, mirror, view) for piece in order.mirrors]
+        same = np.isin(through, order.sight.parent[np.flatnonzero(pieces)])
+        longer.append(beyond_shadows(mirror, view, loose.take(same), clear, known))
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
-    sighted = loose.take(order.sight.seen_through(loose.range, loose.direction) == ROOT)
+    sighted = loose.take(through == ROOT)
     found = find(view, sighted, minimum_length=0.5 * shortest)
     rows = [row for row in found if isinstance(row, LineMirror)]
     halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]

@@ -59,6 +59,14 @@ def test_a_gap_that_nothing_hides_is_the_end_of_a_wall():
     assert longer.length == pytest.approx(part.length, abs=0.05)
 
 
+def test_a_wall_goes_on_where_echoes_from_elsewhere_blur_it():
+    view, echoes = seen()
+    part = LineMirror(START, at(GAP[0]))
+    over = at(np.linspace(*GAP, 21)[:, None])
+    longer = beyond_shadows(part, view.told(misplaced=over), echoes, all_clear)
+    assert np.linalg.norm(longer.end - END) < 0.05
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("cells", [3.6, 4.5])
 def test_nor_is_a_narrow_gap_bridged_that_nothing_hides(cells):

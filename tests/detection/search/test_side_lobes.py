@@ -64,6 +64,20 @@ def test_a_row_at_one_range_is_told_from_one_that_recedes(slope, told):
     assert at_one_range(row, view, np.array([], dtype=int)).tolist() == []
 
 
+@pytest.mark.parametrize(("slope", "told"), [(0.0, True), (0.5, False)])
+def test_a_wall_as_weak_as_side_lobes_of_many_glints_recedes(slope, told):
+    """Side lobes of one glint stand at one range."""
+    view = radar_view(np.array([[0.0, 1.0]]), np.array([1.0]))
+    glints = view.to_points(1.0 + np.arange(-4.0, 14.0) * view.range_cell, np.zeros(18))
+    view = radar_view(glints, np.full(18, 100.0))
+    u = np.linspace(10.0, 26.0, 49) * view.u_cell
+    range_ = 1.0 + slope * (u / view.u_cell - 10.0) * view.range_cell
+    row = Echoes.found(view.to_points(range_, u), range_, view.column(u), np.ones(49), np.ones(49), 0.0 * u, 0.0, 1.0)
+    level, _ = view.brightest_at(range_)
+    assert (view.part_lobes(level, u) > 1.0).all()
+    assert are_side_lobes(row, row.length, view) == told
+
+
 @pytest.mark.slow
 def test_a_row_beside_the_glint_is_side_lobes_and_one_with_the_glint_is_not(ring):
     view, echoes = ring

@@ -2,7 +2,7 @@
 
 `growing` is the search that lines and planes share; `lines`, `arcs`, `planes` and `round_sheets` find mirrors of these
 shapes (`round_sheets`: cylinders and spheres). `rows` finds unbroken rows of echoes, `side_lobes` rejects some. `fit`
-fits a mirror to the image itself, `joined` two arcs that pass into each other, and `fronts` finds the face of a wall
-that scatters from inside. `edge_on` finds walls along which the radar looks; `shadows` continues walls that objects
-hide in part.
+fits a mirror to the image itself, `joined` two arcs that pass into each other. `fronts` and `thick_walls` find the face
+of a wall that scatters from inside: where it stands, and its direction. `edge_on` finds walls along which the radar
+looks; `shadows` continues walls that objects hide in part.
 """

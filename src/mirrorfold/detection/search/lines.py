@@ -10,9 +10,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
-from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -29,6 +27,7 @@ from mirrorfold.detection.search.growing import NEAR, Search
 from mirrorfold.detection.search.remembered import remembered
 from mirrorfold.detection.search.rows import heaviest_row
 from mirrorfold.detection.search.side_lobes import are_side_lobes
+from mirrorfold.detection.search.thick_walls import normal_by_speckle
 from mirrorfold.detection.views.image_view import ImageView
 
 MINIMUM_CELLS = 7.75
@@ -91,10 +90,6 @@ the pulse rings: the echo is drawn out alike all along the wall. In walls that s
 centroids stray from speckle to speckle by half the depth in the median, and by less than 0.25 of it in two of 160
 walls."""
 
-LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
-"""Largest angle [degree] by which the speckle of a thick wall may have turned the line through it: 1 cm of depth over
-1 m. And numbers of angles that are tried: over that interval, and then between the neighbours of the best angle."""
-
 BREAK = 10.0
 """Least value of ``n ln(s_1 / s_2)`` for which a row is taken for two: s_1 and s_2 are the sums of squared residuals of
 one line and of two lines that need not touch, and n the number of places with independent speckle. This is twice the
@@ -118,18 +113,6 @@ SPREAD_SAMPLES = 21
 NO_BOW = 0.9
 """Largest sum of squared residuals of two lines, relative to that of a parabola, at which a row that bulges is a wall
 with an object at its end. It is 0.96 and more for rows of arcs, and was 0.82 for a wall between two round objects."""
-
-BEHIND = 2.0
-"""Half-length, in resolution cells across the wall, of the profiles that show what scatters behind its face."""
-
-LEVEL_CELLS = 8.0
-"""Resolution cells along a wall over which its speckle is averaged to estimate the brightness of the wall there."""
-
-SPECKLE_SAMPLES = 241
-"""Number of samples of the profiles that are turned with the line: close enough for linear interpolation."""
-
-SPECKLE_FLOOR = 1e-4
-"""Power, relative to the wall's, below which speckle cannot be told from noise and side lobes."""
 
 
 def find_lines(echoes: Echoes, view: ImageView, *, minimum_length: float, tested: bool = True) -> list[LineMirror]:
@@ -224,8 +207,10 @@ class _Lines(Search[LineMirror]):
             return mirror
         face = mirror.moved(mirror.normal, mirror.center - front.depth * mirror.inward(self.view))
         face = replace(face, offset_error=float(np.hypot(mirror.offset_error, front.error)))
-        deep = front.depth > DEEP * self.view.range_cell
-        return face.moved(_normal_by_speckle(face, self.view), face.center) if deep else face
+        if front.depth <= DEEP * self.view.range_cell:
+            return face
+        normal = normal_by_speckle(face, self.view)
+        return face if normal is None else face.moved(normal, face.center)
 
     def _fitted(self, mirror: LineMirror) -> tuple[LineMirror, float]:
         """The mirror, fitted to the image, and the deviation [m] of the centroids from it; see `fit.refined`."""
@@ -361,40 +346,3 @@ def _spread(mirror: LineMirror, view: ImageView) -> float:
     power = mirror.profiles(view, places, view.extent(places, mirror.normal)[:, None] * across)[1]
     total = np.maximum(power.sum(axis=1), np.finfo(float).tiny)
     return float(np.median((power @ across**2) / total - ((power @ across) / total) ** 2))
-
-
-@remembered
-def _normal_by_speckle(mirror: LineMirror, view: ImageView) -> Array:
-    """Normal of the mirror of a thick wall, turned to the angle at which the wall's speckle is likeliest, (2,).
-
-    The power of speckle is distributed exponentially (Goodman 2007), with a mean that depends on the depth z behind the
-    face alone. With that mean, m(z), taken from the wall itself, the likelihood is largest where the mean of ``ln
-    m(z)`` over all depths is smallest. A line askew to the wall smears the steep front of m(z) and makes that mean
-    larger.
-    """
-    places = mirror.places(view)
-    across = view.extent(places, mirror.normal)
-    power = mirror.profiles(view, places, across[:, None] * np.linspace(-BEHIND, BEHIND, SPECKLE_SAMPLES))[1]
-    width = round(LEVEL_CELLS * len(places) / mirror.independent(view))
-    level = uniform_filter1d(power.max(axis=1), max(1, width), mode="nearest")
-    power /= np.maximum(level, np.finfo(float).tiny)[:, None]
-    # If the line turns by an angle a, each profile is shifted along itself by ``tan(a) samples``.
-    samples = (places - mirror.center) @ mirror.direction / (across * 2.0 * BEHIND / (SPECKLE_SAMPLES - 1))
-
-    def unlikelihood(angle: float) -> float:
-        shift = np.tan(angle) * samples
-        whole = np.floor(shift).astype(np.intp)
-        # Neighbouring profiles that are shifted by the same number of whole samples are added up before the shift.
-        first = np.flatnonzero(np.diff(whole, prepend=whole[0] + 1))
-        turned = np.zeros(SPECKLE_SAMPLES)
-        for more, share in ((0, 1.0 - shift + whole), (1, shift - whole)):
-            at = np.clip(whole[first][:, None] + more + np.arange(SPECKLE_SAMPLES), 0, SPECKLE_SAMPLES - 1)
-            turned += np.take_along_axis(np.add.reduceat(share[:, None] * power, first), at, axis=1).sum(axis=0)
-        return float(np.log(turned / len(places) + SPECKLE_FLOOR).mean())
-
-    angle, step = 0.0, np.radians(LARGEST_TURN_DEG)
-    for turns in TURNS:
-        angle = min(angle + np.linspace(-step, step, turns), key=unlikelihood)
-        step *= 2.0 / (turns - 1)
-    tilted = mirror.direction + np.tan(angle) * mirror.inward(view)
-    return unit(turned(tilted))

@@ -17,8 +17,8 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.growing import NEAR, lies_on
-from mirrorfold.detection.search.lines import SPECKLE_FLOOR
 from mirrorfold.detection.search.rows import GAP_CELLS
+from mirrorfold.detection.search.thick_walls import SPECKLE_FLOOR
 from mirrorfold.detection.views.image_view import ImageView
 
 FEWEST, SHORTEST_CELLS = 3, 1.75
@@ -183,7 +183,9 @@ def _next(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> 
 
 
 def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, clear: Clear) -> float:
-    """Share of the line, between two positions [m] along it, that lies in view and that no object hides."""
+    """Share of the line, between two positions [m] along it, that lies in view, and that no object hides and no echo
+    from elsewhere blurs.
+    """
     places = mirror.start + np.linspace(before, after, SAMPLES)[:, None] * mirror.direction
     range_, direction, inside = view.locate(places)
-    return float(np.mean(inside & clear(range_, direction, mirror.strength)))
+    return float(np.mean(inside & ~view.near_misplaced(places) & clear(range_, direction, mirror.strength)))
