@@ -271,7 +271,11 @@ class FoldPlan:
         if mirrors is not None and settings.opaque and not from_above:
             echoes, walls = self._wall_echoes(chosen, settings)
         measure = self._measure if not settings.published else no_measurements
-        measured = measure(view) if isinstance(view, ImageView) else Measured()
+        measured, untested = Measured(), ""
+        if isinstance(view, ImageView) and abs(view.height) <= view.range_cell:
+            measured = measure(view).noted()
+        elif isinstance(view, ImageView) and self._sweep is not None and not settings.published:
+            untested = f"the image lies {abs(view.height):.3g} m off the plane of the antennas: echoes are not tested"
         found = find_every_kind(
             *(view, echoes, settings), measured=measured, known=mirrors, walls=walls, polarizations=self._polarizations,
             short=chosen.minimum_length is None,
@@ -285,7 +289,8 @@ class FoldPlan:
         result = collect(
             self.image, found, points, settings, grid=grid, given=given_count, from_above=angle if from_above else None
         )
-        result.attrs |= {"preset": preset, "mirrors_given": by_hand}
+        result.attrs["remark"] = "; ".join(filter(None, (result.attrs["remark"], untested)))
+        result.attrs |= {"preset": preset, "mirrors_given": by_hand, **measured.corner_attrs()}
         report(3, 3)
         return result
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirrorfold.common.windows import WINDOWS, side_lobe_envelope
+from mirrorfold.common.windows import WINDOWS, cell_of, half_amplitude_width, side_lobe_envelope
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,18 @@ def test_the_envelope_never_rises_and_knows_no_phase():
     np.testing.assert_allclose(
         side_lobe_envelope(turned, np.arange(20.0)), side_lobe_envelope(weights, np.arange(20.0))
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "width"), [("uniform", 1.2067), ("hann", 2.0), ("triangular", 1.772), ("taylor", 1.556)]
+)
+def test_main_lobes_of_windows_are_as_wide_as_theory_says(name, width):
+    """``sinc(x/2) = 1/2``; twice that for Hann; ``sinc(x/4)^2 = 1/2`` for the triangle."""
+    weights = WINDOWS[name](4001)
+    assert half_amplitude_width(weights) == pytest.approx(width, rel=2e-3)
+    assert cell_of(weights) == pytest.approx(width, rel=2e-3)
+
+
+def test_cells_without_weights_are_those_of_hann():
+    assert cell_of([]) == cell_of(WINDOWS["hann"](31)) == 2.0
+    assert half_amplitude_width([0.0, 1.0, 0.0]) == 3.0  # one sample: nothing falls

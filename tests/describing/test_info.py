@@ -70,6 +70,19 @@ def test_what_a_sweep_resolves():
     json.dumps(found, allow_nan=False)
 
 
+def test_one_moving_antenna_resolves_as_an_array_of_twice_the_length_and_pitch():
+    pairs = targets([0.5])
+    own = np.einsum("fii->fi", pairs["s"].transpose("frequency", "tx", "rx").values)
+    moving = mf.make_monostatic_sweep(
+        own, frequency=pairs["frequency"].values, antenna_position=pairs["tx_position"].values
+    )
+    found, usual = mf.info(moving, diagnose=False), mf.info(pairs, diagnose=False)
+    assert found["pitch_m"] == pytest.approx(usual["pitch_m"])
+    for r, size in found["cross_range_resolution_m"].items():
+        assert size == pytest.approx(0.5 * usual["cross_range_resolution_m"][r])
+    assert any("0.5 mm exceeds a quarter of a wavelength, 0.25 mm" in remark for remark in found["remarks"])
+
+
 def test_facts_turn_with_the_array():
     sweep = targets([0.5])
     turned = sweep.assign_coords({f"{a}_position": sweep[f"{a}_position"][:, [2, 0, 1]] for a in ("tx", "rx")})

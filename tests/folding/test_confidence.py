@@ -15,7 +15,7 @@ from mirrorfold.detection.finding import find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.errors import InputError
 from mirrorfold.folding import fold_back
-from mirrorfold.folding.confidence import errors, with_confidence
+from mirrorfold.folding.confidence import errors, mirror_confidence, multiply_by_mirrors, with_confidence
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.scenes.floor_plan import parse_scene
@@ -125,3 +125,17 @@ def test_files_of_earlier_versions_show_all_their_points(image):
 def test_what_is_no_probability_is_refused(image, least):
     with pytest.raises(InputError, match=r"min_confidence is .*at least 0 and up to 1"):
         confident_points(mf.fold(image), least)
+
+
+def test_each_mirror_on_the_way_counts_once(found):
+    """A second mirror is seen in the first: the echoes on its face have the first on their way already."""
+    points = fold_back(found.tree).take(np.arange(6))
+    points = replace(points, interpolated=np.zeros(6, dtype=bool), confidence=np.full(6, 0.9))
+    points = replace(points, chain=np.array(["", "", "0", "0", "0/1", "0/2"]))
+    points = replace(points, mirror=np.array(["", "0", "", "0/1", "", ""]))
+    first = found.tree.mirrors[0]
+    others = tuple(replace(first, chain=(0, number), mirrors=()) for number in (1, 2))
+    multiply_by_mirrors(points, replace(found.tree, mirrors=(replace(first, chain=(0,), mirrors=others),)))
+    # Without an echo on its own face, a mirror is as likely as the one that shows it.
+    assert_allclose(points.confidence, [0.9, 0.9, 0.81, 0.81, 0.9 * 0.81, 0.81])
+    assert mirror_confidence(points, "0/2") == 0.9

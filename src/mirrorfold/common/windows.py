@@ -78,14 +78,38 @@ def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.comple
     return weights
 
 
+def spectrum_of(weights: ArrayLike, samples: int = ENVELOPE_SAMPLES) -> NDArray[np.float64]:
+    """Amplitude of a window's spectrum over its peak, from zero on, with so many `samples` for each inverse length."""
+    weight = np.abs(np.asarray(weights))
+    spectrum = np.abs(np.fft.rfft(weight, samples * weight.size))
+    return np.asarray(spectrum / spectrum[0])
+
+
+def half_amplitude_width(weights: ArrayLike) -> float:
+    """Width of a window's main lobe at half of its amplitude, in the inverse of its length: 1.21 for equal weights."""
+    level = spectrum_of(weights)
+    after = int(np.argmax(level < 0.5))
+    if after == 0:  # two or three weights, of which one counts
+        return float(np.size(weights))
+    share = (level[after - 1] - 0.5) / (level[after - 1] - level[after])
+    return float(2.0 * (after - 1 + share) / ENVELOPE_SAMPLES)
+
+
+def cell_of(weights: ArrayLike) -> float:
+    """Half-amplitude width of a window's main lobe, in units of c/(2B): `HANN_CELL` for Hann, others in proportion.
+
+    Where no weights are known, they are taken to be those of Hann.
+    """
+    count = np.size(weights)
+    return HANN_CELL * half_amplitude_width(weights) / half_amplitude_width(hann(count)) if count else HANN_CELL
+
+
 def side_lobe_envelope(weights: ArrayLike, distance: ArrayLike) -> NDArray[np.float64]:
     """Level of the highest side lobe at a distance or farther from the main lobe of a window, relative to its peak.
 
     The unit of the distance is the inverse length of the window: a uniform one has its first null at one, and at the
     distance x about the level ``1 / (pi x)``.
     """
-    weight = np.abs(np.asarray(weights))
-    spectrum = np.abs(np.fft.rfft(weight, ENVELOPE_SAMPLES * weight.size))
-    envelope = np.maximum.accumulate(spectrum[::-1])[::-1] / spectrum[0]
+    envelope = np.maximum.accumulate(spectrum_of(weights)[::-1])[::-1]
     at = np.arange(envelope.size) / ENVELOPE_SAMPLES
     return np.asarray(np.interp(np.asarray(distance, dtype=float), at, envelope))

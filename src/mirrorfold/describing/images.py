@@ -66,7 +66,7 @@ def _resolved(image: xr.DataArray) -> Any:
     if not set(needed) <= set(image.attrs) or not {"x", "y"} <= set(image.coords):
         return LEFT_OUT
     attrs = image.attrs
-    aperture = max(float(attrs["tx_aperture"]), float(attrs["rx_aperture"]))
+    aperture = (2.0 if attrs.get("monostatic") else 1.0) * max(float(attrs["tx_aperture"]), float(attrs["rx_aperture"]))
     if aperture == 0.0:
         return LEFT_OUT
     middle = 0.5 * (float(attrs["frequency_start"]) + float(attrs["frequency_stop"]))

@@ -76,6 +76,8 @@ def resolution(
     rx_position: Array,
     speed: float = speed_of_light,
     ranges: Sequence[float] | None = None,
+    *,
+    monostatic: bool = False,
 ) -> tuple[Arrays, list[str]]:
     """What a band and two arrays can resolve, and remarks on what they cannot.
 
@@ -88,19 +90,24 @@ def resolution(
     ranges : sequence of float [m], optional
         Ranges for which the cross-range resolution is stated, such as those of the scene. By default a quarter, half
         and all of the ambiguous range.
+    monostatic : bool
+        Whether one antenna, that both sends and receives, goes along the array: its paths differ by twice as much, as
+        in an array of twice the length and pitch.
 
     Returns
     -------
     facts : Arrays
         The cross-range resolution is ``lambda r / D`` at the centre of the band, with the longer aperture D: the
         distance of the first zero from the focus. The field of view is ``2 arcsin(lambda / (2 p))`` at the top of the
-        band, with the finer pitch p: in this sector around broadside, no object has a grating lobe.
+        band, with the finer pitch p: in this sector around broadside, no object has a grating lobe. Of one moving
+        antenna, D and p count twice.
     remarks : list of str
     """
     wavelength = speed / float(frequency.mean())
     shortest = speed / float(frequency[-1])
-    aperture = max(_extent(tx_position), _extent(rx_position))
-    pitches = [pitch for pitch in (_pitch(tx_position), _pitch(rx_position)) if pitch is not None]
+    ways = 2.0 if monostatic else 1.0
+    aperture = ways * max(_extent(tx_position), _extent(rx_position))
+    pitches = [ways * pitch for pitch in (_pitch(tx_position), _pitch(rx_position)) if pitch is not None]
     field_of_view = 2.0 * float(np.degrees(np.arcsin(min(1.0, shortest / (2.0 * min(pitches)))))) if pitches else None
     band, depth, remarks = _band(frequency, speed)
     if ranges is None:
@@ -120,7 +127,8 @@ def resolution(
         remarks.append("All antennas stand at one place, so directions cannot be told apart; move them.")
     if pitches and min(pitches) > (1.0 + PITCH_TOLERANCE) * shortest / 2.0:
         remarks.append(
-            f"The pitch of {min(pitches) * 1e3:.3g} mm exceeds half a wavelength, {shortest * 500:.3g} mm: grating "
+            f"The pitch of {min(pitches) / ways * 1e3:.3g} mm exceeds {'a quarter of' if monostatic else 'half'} a "
+            f"wavelength, {shortest / ways * 500:.3g} mm: grating "
             f"lobes will show objects at wrong places outside a field of view of {field_of_view:.0f} degrees."
         )
     return facts, remarks

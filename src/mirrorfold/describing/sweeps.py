@@ -213,7 +213,9 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
         radar = 0.5 * (tx_position.mean(axis=0) + rx_position.mean(axis=0))
         ranges = [float(np.linalg.norm(np.asarray(sweep.attrs["scene_center"], dtype=float) - radar))]
     frequency = sweep["frequency"].values.astype(float)
-    facts, remarks = resolution(frequency, tx_position, rx_position, wave_speed(sweep), ranges)
+    facts, remarks = resolution(
+        frequency, tx_position, rx_position, wave_speed(sweep), ranges, monostatic=is_monostatic(sweep)
+    )
     along = misaligned_axis(sweep)
     if along is not None:
         remarks.append(

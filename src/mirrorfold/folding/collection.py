@@ -11,6 +11,7 @@ import xarray as xr
 
 from mirrorfold import __version__
 from mirrorfold.common.chains import chain_name
+from mirrorfold.common.phases import phase_of
 from mirrorfold.detection import Fold, Mirror
 from mirrorfold.detection.finding import example_mirror
 from mirrorfold.folding.confidence import TRUE_CELLS, mirror_confidence
@@ -73,13 +74,17 @@ def collect(
         **{f"image_{name}": value for name, value in image.attrs.items() if name != "mirrorfold_kind"},
         "remark": _remark(image, found, points, settings, given, from_above),
     }
+    if "z" in image.coords and image["z"].ndim == 0:
+        attrs["image_z"] = float(image["z"])
     if "title" in image.attrs:
         attrs["title"] = image.attrs["title"]
     (x, y), intensity, initial, what = pictures(image, found, points, settings, grid)
     axes_of = {"y": ("y", y, {"units": "m", "long_name": "range"}),
                "x": ("x", x, {"units": "m", "long_name": "cross-range"})}  # fmt: skip
-    drawn, before = (xr.Dataset({name: (("y", "x"), picture, {"long_name": what})}, axes_of)
+    drawn, before = (xr.Dataset({name: (("y", "x"), np.abs(picture), {"long_name": what})}, axes_of)
                      for name, picture in (("intensity", intensity), ("initial", initial)))  # fmt: skip
+    if np.iscomplexobj(initial):
+        before["phase"] = ("y", "x"), phase_of(initial), {"units": "rad", "long_name": "phase of the image"}
     tables = {"/objects": _objects(points), "/mirrors": _mirrors(tree, points, found.transparent_walls)}
     return xr.DataTree.from_dict({"/": drawn.assign_attrs(attrs), "/initial": before} | tables)
 

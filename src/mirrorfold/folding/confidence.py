@@ -19,7 +19,7 @@ from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Index
-from mirrorfold.detection import View
+from mirrorfold.detection import ImageView, View
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import turns
 from mirrorfold.folding.points import Points, joined
@@ -96,15 +96,21 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
     unmeasured = np.sum(values[:, : seen.shape[1]] * seen, axis=1)
     log_odds = np.where(np.isfinite(values[:, 4]), np.sum(np.nan_to_num(values) * with_share, axis=1), unmeasured)
     points = replace(points, error=error, confidence=expit(log_odds))
-    # What is seen by way of a mirror is there only if the mirror is: probabilities multiply.
-    for node in found.tree.walk():
-        if node.line is not None:
-            name = chain_name(node.chain)
-            behind = (points.chain == name) | np.char.startswith(points.chain, f"{name}/")
-            points.confidence[behind] *= mirror_confidence(points, name)
+    multiply_by_mirrors(points, found.tree)
     # A place that depends on whether an echo passed through a wall is no surer than the answer to that question.
     points.confidence[:] = np.fmin(points.confidence, np.maximum(points.passed, 1.0 - points.passed))
+    if shares is not None and isinstance(view, ImageView):
+        points = _with_shares_of_blurs(points, view, shares)
     return _with_ghosts(points, found)
+
+
+def multiply_by_mirrors(points: Points, tree: MirrorTree) -> None:
+    """Multiply the confidence of points, in place, by that of the mirrors on their way, without which they are not."""
+    for node in tree.walk():
+        if node.line is not None:
+            name = chain_name(node.chain)
+            # The echoes on its face have the mirrors before it on their way, and were multiplied by them.
+            points.confidence[points.chain == name] *= mirror_confidence(points, name)
 
 
 def with_confocal_shares(points: Points, shares: Shares) -> Points:
@@ -115,15 +121,30 @@ def with_confocal_shares(points: Points, shares: Shares) -> Points:
     return replace(points, confocal=share)
 
 
+def _with_shares_of_blurs(points: Points, view: ImageView, shares: Shares) -> Points:
+    """The points with the confocal shares of echoes on faces that blur their wall: folding again asks for them."""
+    blurs = (points.mirror != "") & ~points.interpolated
+    blurs &= np.isin(points.initial @ (1.0, 1j), view.misplaced @ (1.0, 1j))
+    share = points.confocal.copy()
+    share[blurs] = shares(points.initial[blurs], points.amplitude[blurs])
+    return replace(points, confocal=share)
+
+
 def weight_rows(points: Points) -> Index:
     """The row of `WEIGHTS` for each point, (n,): 0 in line of sight, 1 behind mirrors, 2 on the faces of mirrors."""
     return np.where(points.mirror != "", 2, np.minimum(points.bounces, 1)).astype(np.intp)
 
 
 def mirror_confidence(points: Points, mirror: str) -> float:
-    """Mean confidence of the echoes on the face of the mirror with that chain; one if no echo lies on the face."""
+    """Mean confidence of the echoes on the face of the mirror with that chain.
+
+    If no echo lies on the face, that of the mirror that shows it; one for a mirror in line of sight.
+    """
     own = points.confidence[(points.mirror == mirror) & ~points.interpolated]
-    return float(own.mean()) if own.size else 1.0
+    if own.size:
+        return float(own.mean())
+    before = mirror.rpartition("/")[0]
+    return mirror_confidence(points, before) if before else 1.0
 
 
 def over_faces(points: Points, tree: MirrorTree) -> Array:

@@ -7,19 +7,25 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.facts import radar_place
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection import ImageView
 from mirrorfold.errors import InputError
-from mirrorfold.tree.assignment import ITSELF
+from mirrorfold.tree.explaining.copies import COPY
 from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS, Overhangs
-from mirrorfold.tree.explaining.misplaced import MIXED, known_confocal, known_ghosts
+from mirrorfold.tree.explaining.misplaced import MIXED, known_confocal, known_corners, known_ghosts
 from mirrorfold.tree.measured import Measured, Measurer
+from mirrorfold.tree.rounds import BY_SWEEP
+
+KEPT = (*BY_SWEEP, COPY)
+"""Reasons against echoes that hold whatever mirrors are found later."""
 
 
 def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it."""
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)
+    vertices = np.column_stack([np.ravel(reconstruction.attrs.get(f"corner_{axis}", ())) for axis in "xy"])
 
     def measure(view: ImageView) -> Measured:
         return Measured(
@@ -27,21 +33,24 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
             # Those that were kept, whatever mirrors and echoes are asked about.
             overhangs=lambda order, echoes: overhangs,
             confocal_share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
+            # Without the sweep nothing was asked about corners, which is not to say that there are none.
+            corners=partial(known_corners, view=view, places=vertices) if shares else None,
         )
 
     return measure
 
 
 def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
-    """Image places (n, 2) [m] of echoes that do not come from there, and why not, (n,); None if there are none."""
+    """Image places (n, 2) [m] of echoes, and why these do not come from there, (n,), "" if they do; None if all do."""
     objects = reconstruction.children["objects"].to_dataset(inherit=False)
     if "explanation" in objects:
-        objects = objects.isel(point=~np.isin(objects["explanation"].values.astype(str), ("", ITSELF)))
-        place, why = np.column_stack([objects["x_initial"], objects["y_initial"]]), objects["explanation"].values
+        why = objects["explanation"].values.astype(str)
+        why = np.where(np.isin(why, KEPT), why, "")
+        place = np.column_stack([objects["x_initial"], objects["y_initial"]])
     else:  # files of earlier versions list the places of mixed paths alone
         place = np.column_stack([np.ravel(reconstruction.attrs.get(f"mixed_{axis}", ())) for axis in "xy"])
         why = np.full(len(place), MIXED)
-    return (place.astype(float), why.astype(str)) if len(place) else None
+    return (place.astype(float), why.astype(str)) if (why != "").any() else None
 
 
 def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
@@ -79,9 +88,13 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
     if "z" in reconstruction.children["objects"].variables:
         raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
-    image = reconstruction.children["initial"].dataset["initial"].drop_vars(["z"], errors="ignore").rename("image")
+    held = reconstruction.children["initial"].dataset.drop_vars(["z"], errors="ignore")
+    image = held["initial"].rename("image")
+    if "phase" in held:
+        image = image.copy(data=image.values * np.exp(1j * held["phase"].values).astype(np.complex64))
     attrs = {str(name): value for name, value in reconstruction.attrs.items()}
     known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
-    radar = [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
-    done = str(attrs.get("fold_normalization", "r"))
-    return image.assign_attrs({"radar_position": radar} | known | {"normalization": done})
+    known = {"radar_position": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]} | known
+    height = known.pop("z", radar_place(known)[2])  # files of earlier versions do not tell it
+    image = image.assign_coords(z=float(height))
+    return image.assign_attrs(known | {"normalization": str(attrs.get("fold_normalization", "r"))})

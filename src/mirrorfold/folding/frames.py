@@ -22,8 +22,8 @@ from mirrorfold.errors import InputError
 
 Framed = TypeVar("Framed", xr.Dataset, xr.DataArray, xr.DataTree)
 
-PICTURES = (("/", "intensity"), ("/initial", "initial"))
-"""Group and name of each picture of a Reconstruction."""
+PICTURES = {"/": ("intensity",), "/initial": ("initial", "phase")}
+"""Names of the pictures of a Reconstruction, by group; not every Reconstruction has a phase."""
 
 TABLES = (("objects", "point"), ("mirrors", "mirror"))
 """Group and dimension of each table of a Reconstruction."""
@@ -73,10 +73,11 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
         return obj.isel(frame=frame)
     own = json.loads(str(obj.dataset["attributes"].values[frame])) if "attributes" in obj.dataset else {}
     nodes: dict[str, xr.Dataset] = {}
-    for path, name in PICTURES:
-        picture = _node(obj, path)[name].isel(frame=frame)
-        part = picture.dropna("y", how="all").dropna("x", how="all")
-        nodes[path] = part.drop_vars([key for key in part.coords if key not in part.dims]).to_dataset()
+    for path, names in PICTURES.items():
+        held = _node(obj, path)
+        pictures = held[[name for name in names if name in held]].isel(frame=frame)
+        part = pictures.dropna("y", how="all").dropna("x", how="all")
+        nodes[path] = part.drop_vars([key for key in part.coords if key not in part.dims])
     nodes["/"].attrs = {**obj.attrs, **own}
     for group, dimension in TABLES:
         table = obj.children[group].to_dataset(inherit=False)
@@ -147,9 +148,10 @@ def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) ->
     own = [json.dumps({name: json.loads(text) for name, text in one.items() if name not in shared}) for one in texts]
     axes = {name: _joined([part.dataset[name].values for part in parts]) for name in ("y", "x")}
     nodes: dict[str, xr.Dataset] = {}
-    for path, name in PICTURES:
-        pictures = [_on(_node(part, path)[name], axes) for part in parts]
-        nodes[path] = xr.concat(pictures, "frame", combine_attrs="override").rename(name).to_dataset()
+    for path, names in PICTURES.items():
+        held = [name for name in names if all(name in _node(part, path) for part in parts)]
+        pictures = [_on(_node(part, path)[held], axes) for part in parts]
+        nodes[path] = xr.concat(pictures, "frame", combine_attrs="override")
     nodes["/"] = nodes["/"].assign_coords(coords).assign(attributes=("frame", np.array(own, dtype=str)))
     nodes["/"].attrs = {name: value for name, value in parts[0].attrs.items() if name in shared}
     for group, dimension in TABLES:
@@ -169,11 +171,11 @@ def _node(tree: xr.DataTree, path: str) -> xr.Dataset:
     return (tree if path == "/" else tree.children[path.strip("/")]).to_dataset()
 
 
-def _on(picture: xr.DataArray, axes: dict[str, Array]) -> xr.DataArray:
-    """A picture on a larger grid, NaN where it has no pixels; pixels move by half a step of the grid at most."""
+def _on(pictures: xr.Dataset, axes: dict[str, Array]) -> xr.Dataset:
+    """Pictures on a larger grid, NaN where they have no pixels; pixels move by half a step of the grid at most."""
     for name, axis in axes.items():
-        picture = picture.reindex({name: axis}, method="nearest", tolerance=0.5 * _step(axis))
-    return picture
+        pictures = pictures.reindex({name: axis}, method="nearest", tolerance=0.5 * _step(axis))
+    return pictures
 
 
 def _joined(axes: list[Array]) -> Array:

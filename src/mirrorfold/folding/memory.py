@@ -72,7 +72,7 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
         held = held | {"range profiles": profiles, "range profiles of pairs": profile_bytes(sweep)}
         stages.append(held | view | {"directions of echoes": work})
     drawn = {"power and table": DRAWING_ARRAYS * DOUBLE * samples, "owners": OWNER * samples}
-    return fullest(*stages, held | view | drawn | {"pictures": 2.0 * SINGLE * pixels})
+    return fullest(*stages, held | view | drawn | {"pictures": (2.0 * SINGLE + COMPLEX) * pixels})
 
 
 def _of_volume(held: Parts, volume: xr.DataArray) -> Parts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import ArcMirror, Fold, ImageView, RoundMirror, View, VolumeView, fold_of
@@ -43,24 +44,50 @@ LARGEST_ANGLE = np.radians(89.999)
 
 def pictures(
     image: xr.DataArray, found: Found, points: Points, settings: FoldSettings, grid: Grid | None
-) -> tuple[Grid, NDArray[np.float32], NDArray[np.float32], str]:
+) -> tuple[Grid, NDArray[np.float32], NDArray[Any], str]:
     """The folded and the unfolded scene on one grid: its axes x and y, both pictures (y, x), and what their pixels are.
 
-    By default, the grid is that of the image, grown to hold all folded points; for a volume, a grid around all points.
+    By default, the grid is that of the image, grown to hold all folded points; the unfolded picture then has the pixels
+    of the image, complex if these are. For a volume, it is a grid around all points.
     """
     sight, view, folds = found.sight, found.sight.view, found.tree.folds()
     least, wall_margin = settings.min_confidence, settings.wall_margin or 0.0
     blobs = owned_blobs(points, sight, least)
     points = points.take(points.confidence >= least)
+    given = grid is not None
     grid = grid or (_around(points, view) if isinstance(view, VolumeView) else _grown(image, points))
     folded = draw(sight, folds, wall_margin, grid, blobs, strongest=True)
     blobs.fill(ROOT)
     initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, blobs, strongest=True)
     if (points.wall != "").any():
         np.maximum(folded, _passed_pixels(points, view, grid) * initial, out=folded)
-    if view.dimensions == 2:
+    if isinstance(view, ImageView):
+        if image.ndim == 2 and not given:
+            # Drawn pixels are interpolated, which is right to a tenth only; those of the image are exact.
+            measured = _measured(image, view, grid)
+            np.copyto(folded, np.abs(measured), where=folded == initial)
+            initial = measured
         return grid, folded, initial, "amplitude, range-normalised"
     return grid[:2], folded, initial, "strongest amplitude of each vertical column, normalised"
+
+
+def _measured(image: xr.DataArray, view: ImageView, grid: Grid) -> NDArray[Any]:
+    """The normalised pixels of an image themselves, (y, x), on a grid that continues theirs; zero outside of the view.
+
+    They are complex if those of the image are.
+    """
+    x, y = (image[name].values.astype(float) for name in "xy")
+    values, power = image.values, float(view.power - RANGE_POWERS[str(image.attrs.get("normalization", "none"))])
+    below, left = (int(np.abs(axis - first).argmin()) for axis, first in zip(grid[::-1], (y[0], x[0]), strict=True))
+    out = np.zeros((grid[1].size, grid[0].size), dtype=np.result_type(values.dtype, np.float32))
+
+    def row(i: int) -> None:
+        range_, _, inside = view.locate(np.column_stack([x, np.full(x.size, y[i])]))
+        gain = np.where(inside & (range_ <= view.range[-1]), np.maximum(range_, view.range[0]) ** power, 0.0)
+        out[below + i, left : left + x.size] = gain.astype(np.float32) * values[i]
+
+    for_each(row, range(y.size))
+    return out
 
 
 def _passed_pixels(points: Points, view: View, grid: Grid) -> NDArray[np.float32]:

@@ -37,7 +37,7 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = 
         return None
     way = np.linalg.norm([objects[f"{a}_initial"].values - float(attrs.get(f"radar_{a}", 0.0)) for a in axes], axis=0)
     wavelength = float(attrs.get("image_wave_speed", speed_of_light)) / (0.5 * (low + high))
-    aperture = max(known("tx_aperture") or 0.0, known("rx_aperture") or 0.0)
+    aperture = (2.0 if known("monostatic") else 1.0) * max(known("tx_aperture") or 0.0, known("rx_aperture") or 0.0)
     spot, focus = known("spot_radius"), known("focus_distance")
     if aperture > 0.0:
         across = way * wavelength / aperture

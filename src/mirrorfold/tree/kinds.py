@@ -63,7 +63,7 @@ def find_every_kind(
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
     if both:
-        found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, known=known))
+        found = find_transparent(found, view, both, echoes, walls=walls, full_pass=partial(full_pass, known=known))
     if known is not None or settings.published:
         return found
     if not found.transparent_walls:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 
+import numpy as np
 import xarray as xr
 
 from mirrorfold.common.types import Array, Mask, Names
@@ -33,12 +34,33 @@ class Measured:
         it went, (n,); see `directions.confocal_share`.
     corners : callable, optional
         Which places (n, 2) [m] of the image show right-angled corners, (n,); see `misplaced.are_corners`.
+    vertices : list of (c, 2) arrays [m]
+        The places that were found to be corners since `noted`.
     """
 
     explain: Callable[[Echoes], Names] | None = None
     overhangs: Callable[[Order, Echoes], Overhangs] | None = None
     confocal_share: Callable[[Array, Array], Array] | None = None
     corners: Callable[[Array], Mask] | None = None
+    vertices: list[Array] = field(default_factory=list)
+
+    def noted(self) -> Measured:
+        """The same measurements; places that are found to be corners are noted from now on."""
+        if self.corners is None:
+            return self
+        ask, vertices = self.corners, list[Array]()
+
+        def corners(asked: Array) -> Mask:
+            found = ask(asked)
+            vertices.append(asked[found])
+            return found
+
+        return replace(self, corners=corners, vertices=vertices)
+
+    def corner_attrs(self) -> dict[str, Array]:
+        """The places of all corners that were noted, as attributes `corner_x` and `corner_y` [m]."""
+        places = np.unique(np.concatenate([np.zeros((0, 2)), *self.vertices]), axis=0)
+        return {f"corner_{axis}": place for axis, place in zip("xy", places.T, strict=True)} if len(places) else {}
 
 
 Measurer = Callable[[ImageView], Measured]

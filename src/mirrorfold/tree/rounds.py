@@ -27,7 +27,7 @@ from mirrorfold.tree.explaining.copies import COPY, copies
 from mirrorfold.tree.explaining.corners import bright_places, lone_legs, vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
-from mirrorfold.tree.explaining.late_walls import from_late_walls
+from mirrorfold.tree.explaining.late_walls import LATE_WALL, from_late_walls
 from mirrorfold.tree.explaining.lobes import LOBE
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
@@ -101,7 +101,7 @@ def find_tree(
             # Scattered echoes in a row that was taken for a mirror go at once: that mirror does not exist.
             reasons.note(rescattered & (order.face != ROOT), SCATTERED)
             reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
-            reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE)
+            reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE_WALL)
         if measured.explain is not None:
             reasons.test(measured.explain, clear)
         searched = known is None and not settings.published
@@ -140,7 +140,7 @@ def _told(view: View, reasons: _Reasons, corners: Sequence[Array] | Array = ()) 
 
 
 BY_SWEEP = (LOBE, LATE, MIXED)
-"""Reasons against echoes that depend on where their waves come from, not on the mirrors that are found."""
+"""Reasons against echoes that the sweep gives: they hold whatever mirrors are found, and later rounds keep them."""
 
 OWN_SHARE = 0.5
 """Least share of an echo's energy that came back the way it went: with less, most of it is from mixed paths."""

@@ -19,7 +19,7 @@ from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, empty_view, radar_image, r
 
 import mirrorfold as mf
 from mirrorfold.detection.views.image_to_view import to_image_view
-from mirrorfold.detection.views.image_view import LARGEST_SINE
+from mirrorfold.detection.views.image_view import LARGEST_SINE, ImageView
 from mirrorfold.detection.views.view import check_samples
 from mirrorfold.sweep import make_sweep
 
@@ -191,6 +191,42 @@ def test_the_resolution_cells_are_those_of_a_focused_point_target():
     in_u = view.power_at(np.full(2001, range_), u + fine * view.u_cell) >= (0.5 * height) ** 2
     assert fine[in_range][-1] - fine[in_range][0] == pytest.approx(1.0, abs=0.1)
     assert fine[in_u][-1] - fine[in_u][0] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("apodization", ["uniform", "hann"])
+@pytest.mark.parametrize("taper", ["uniform", "taylor", "triangular", "hann"])
+def test_the_cells_are_those_of_the_windows(taper, apodization):
+    """Of a point before a short array, near broadside."""
+    elements, target = 41, np.array([0.0, 1.2])
+    position = np.zeros((elements, 3))
+    position[:, 0] = 1e-3 * (np.arange(elements) - elements // 2)
+    frequency = np.linspace(290e9, 300e9, 101)
+    distance = np.linalg.norm(position[:, :2] - target, axis=1)
+    s = np.exp(-2j * np.pi * frequency[:, None, None] / speed_of_light * (distance[:, None] + distance))
+    sweep = make_sweep(s, frequency=frequency, tx_position=position, rx_position=position)
+    grid = {"x": np.arange(-0.15, 0.15, 0.003), "y": np.arange(1.1, 1.3, 0.002)}
+    view = to_image_view(mf.focus(sweep, **grid, taper=taper, apodization=apodization), normalization="none")
+    range_, u, height = peak(view, 1.2, 0.0)
+    fine = np.linspace(-1.0, 1.0, 2001)
+    in_range = view.power_at(range_ + fine * view.range_cell, np.full(2001, u)) >= (0.5 * height) ** 2
+    in_u = view.power_at(np.full(2001, range_), u + fine * view.u_cell) >= (0.5 * height) ** 2
+    assert fine[in_range][-1] - fine[in_range][0] == pytest.approx(1.0, abs=0.06)
+    assert fine[in_u][-1] - fine[in_u][0] == pytest.approx(1.0, abs=0.08)
+    assert view.range_unit == pytest.approx(0.5 * speed_of_light / 10.1e9, rel=1e-3)
+
+
+@pytest.mark.parametrize("step", [1.0, 1.0 + 1e-15, 1.0 - 1e-15])
+def test_side_lobes_are_the_same_to_both_sides_whatever_rounding_did(step):
+    """Of a view, and of the same with left and right exchanged."""
+    amplitude = np.random.default_rng(1).rayleigh(size=(12, 81))
+    u = 0.004 * step * (np.arange(81) - 40)
+    view = ImageView(np.zeros(2), np.array([1.0, 0.0]), np.array([0.0, 1.0]), 1.0 + 0.005 * np.arange(12), u, amplitude,
+                     1.0, 0.015, 0.012 * step, 80.0, 80.0)  # fmt: skip
+    turned = replace(view, amplitude=amplitude[:, ::-1])
+    np.testing.assert_array_equal(turned.side_lobes, view.side_lobes[:, ::-1])
+    one = replace(view, amplitude=np.where(np.arange(81) == 40, 1.0, 0.0) * np.ones((12, 1))).side_lobes[0]
+    assert (one[37:44] == 0.0).all()
+    assert one[36] == one[44] > 0.0
 
 
 def broken(image, **what):

@@ -10,8 +10,10 @@ from synthetic import diffuse
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import crossing
+from mirrorfold.detection.finding import find_echoes, see
 from mirrorfold.folding.earlier import known_overhangs
-from mirrorfold.tree.explaining.half_shadows import Overhangs, _overhang
+from mirrorfold.tree.explaining.half_shadows import Overhangs, _in_half_shadow, _overhang
+from mirrorfold.tree.explaining.waves import SweepWaves
 
 pytestmark = pytest.mark.slow
 
@@ -81,6 +83,18 @@ def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
     monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Overhangs.nothing())
     # By the middle of the array alone.
     assert any("/" in chain for chain in chains(mf.fold(image, sweep=sweep)))
+
+
+def test_two_mirrors_that_share_an_end_are_told_apart(behind):
+    """The antennas that look into the one look past the other: what is known of the end holds for one direction."""
+    sweep, image, _ = behind
+    view = see(image)
+    echoes, waves, known = find_echoes(view), SweepWaves(sweep), {}
+    end, outward = SCREEN[0], SCREEN[0] - SCREEN[1]
+    _, one = _in_half_shadow(echoes, view, end, outward, waves, known)
+    _, other = _in_half_shadow(echoes, view, end, -outward, waves, known)
+    assert len(one)
+    np.testing.assert_allclose(one, -other, atol=1e-6)
 
 
 def test_what_is_known_of_the_ends_is_in_the_file(behind):

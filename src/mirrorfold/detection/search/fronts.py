@@ -20,6 +20,7 @@ import numpy as np
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index
+from mirrorfold.common.windows import half_amplitude_width, hann, spectrum_of
 from mirrorfold.detection.mirrors.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.search.fit import blocks, cell_side
 from mirrorfold.detection.views.view import DEVIATION, View
@@ -57,6 +58,10 @@ LARGEST_BACK = 0.4
 
 TABLE_STEP, LARGEST_Q = 2.0**-8, 16.0
 """Step and end of the table of the window's power against q: interpolated to 1e-5 of its peak, and 1e-8 at its end."""
+
+FINE_SAMPLES, HANN_POINTS = 128, 256
+"""Samples of a window's spectrum in the inverse of its length, so many that it is right to 1e-4 of its peak between
+them; and number of weights where only the window's name is known."""
 
 FLOOR = 0.01
 """Power, relative to the profile's peak, that may not be of the wall: side lobes of brighter echoes, 20 dB down."""
@@ -213,8 +218,8 @@ def cell_across(mirror: Mirror, view: View, places: Array, spread: float) -> Arr
 
     At the angle of incidence a, the face is ``x tan(a)`` farther away at the distance x beside the line of sight. So at
     the depth z the power is ``sum over x of W(z / cos(a) + x tan(a)) B(x)``, with B the power of the beam, and W that
-    of the window over frequency: for Hann ``(sinc(q) / (1 - q^2))^2``, q in half its width at half amplitude. The
-    result is the mean over the `places`.
+    of the spectrum of the window over frequency, at q in half its width at half amplitude. The result is the mean over
+    the `places`.
     """
     depth = spread * STEP * np.arange(-round(LOBE / STEP), round(LOBE / STEP) + 1)
     cosine, tangent = _incidence(mirror, view, places)
@@ -223,17 +228,21 @@ def cell_across(mirror: Mirror, view: View, places: Array, spread: float) -> Arr
     predicted = np.zeros((len(places), depth.size))
     _through_cell(
         cells * depth[None] / cosine[:, None], cells * (view.cross_cell(places) * tangent)[:, None] * aside,
-        view.beam_power(aside), _window_power(), predicted,
+        view.beam_power(aside), _window_power(view.window.tobytes()), predicted,
     )  # fmt: skip
     return np.mean(predicted / predicted.sum(axis=1, keepdims=True), axis=0)
 
 
-@lru_cache(1)
-def _window_power() -> Array:
-    """Power of the Hann window, W of `cell_across`, at q in steps of `TABLE_STEP` up to `LARGEST_Q`; then zero."""
-    q = np.arange(0.0, LARGEST_Q, TABLE_STEP)
-    q = np.where(np.abs(q - 1.0) < 1e-6, q + 1e-5, q)
-    return np.append((np.sinc(q) / (1.0 - q**2)) ** 2, [0.0, 0.0])
+@lru_cache(4)
+def _window_power(weights: bytes) -> Array:
+    """Power of a window's spectrum, W of `cell_across`, at q in steps of `TABLE_STEP` up to `LARGEST_Q`; then zero.
+
+    The `weights` (n,) are real numbers in double precision, as bytes; without any, they are those of Hann.
+    """
+    window = np.frombuffer(weights) if weights else hann(HANN_POINTS)
+    level = spectrum_of(window, FINE_SAMPLES)
+    q = np.arange(0.0, LARGEST_Q, TABLE_STEP) * 0.5 * half_amplitude_width(window)
+    return np.append(np.interp(q, np.arange(level.size) / FINE_SAMPLES, level, right=0.0) ** 2, [0.0, 0.0])
 
 
 @njit(nogil=True, error_model="numpy")

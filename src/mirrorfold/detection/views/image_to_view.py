@@ -16,9 +16,15 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import window
+from mirrorfold.common.windows import cell_of, half_amplitude_width, window
 from mirrorfold.detection.echoes import noise_level
-from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, ImageView
+from mirrorfold.detection.views.image_view import (
+    LARGEST_SINE,
+    SAMPLES_PER_CELL,
+    UNIFORM_CELL,
+    ImageView,
+    uniform_cell,
+)
 from mirrorfold.detection.views.resampling import interpolated, sampled
 from mirrorfold.detection.views.view import check_samples
 from mirrorfold.errors import InputError
@@ -89,14 +95,12 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         low, high = attrs["frequency_start"], attrs["frequency_stop"]
         speed = float(attrs.get("wave_speed", speed_of_light))
         wavelength = speed / (0.5 * (low + high))
-        # A Hann taper over the band makes the half-amplitude width twice the ideal c/(2B).
-        range_cell = speed / ((high - low) * points / (points - 1))
         weights = _weights(attrs.get("taper", "hann"), points)
+        range_cell = cell_of(weights) * 0.5 * speed / ((high - low) * points / (points - 1))
         aperture /= wavelength
         if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
             aperture = np.array([aperture.sum(), 0.0])
-        # Half-amplitude width of sinc(D_tx u) sinc(D_rx u), whose curvature adds as that of Gaussians does.
-        u_cell = 1.207 / max(np.hypot(*aperture), 1.0)
+        u_cell = uniform_cell(*aperture) * _widening(attrs.get("apodization", "uniform"))
         # A scene beyond the ambiguous range is seen over one ambiguous range, from its nearest pixel on. Any other view
         # ends a cell before the ambiguous range, where the main lobe of what stands at the radar itself begins anew.
         ambiguous = float(attrs.get("ambiguous_range", np.inf))
@@ -107,7 +111,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     else:
         range_cell = 2.0 * pixel
         u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
-        aperture = np.full(2, 1.207 / np.sqrt(2.0) / u_cell)
+        aperture = np.full(2, UNIFORM_CELL / np.sqrt(2.0) / u_cell)
     samples = (farthest - nearest) / range_cell * 2.0 / u_cell * SAMPLES_PER_CELL**2
     check_room(
         SAMPLE_BYTES * samples,
@@ -131,6 +135,12 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
                      ambiguous if nearest < ambiguous else np.inf, height=height, window=weights)  # fmt: skip
     return view, (x, y)
+
+
+def _widening(apodization: ArrayLike) -> float:
+    """By how much a window over the antennas widens the main lobe, if it is known by its name."""
+    weights = _weights(apodization, MOST_WEIGHTS) if isinstance(apodization, str) else np.zeros(0)
+    return half_amplitude_width(weights) / half_amplitude_width(np.ones(MOST_WEIGHTS)) if weights.size else 1.0
 
 
 def _weights(taper: ArrayLike, points: int) -> Array:

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from mirrorfold.common.types import Array, Complex, Index, Mask
-from mirrorfold.common.windows import HANN_CELL, side_lobe_envelope
+from mirrorfold.common.windows import side_lobe_envelope
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View
 
@@ -29,6 +29,9 @@ SAMPLES_PER_CELL = 3
 COVERED_CELLS = 0.75
 """Half-width of the shadow of an object, in resolution cells: there the beam has fallen by 14 dB. With a whole cell, up
 to the nulls of the beam, two small objects side by side would each hide half of what the radar shows of both."""
+
+UNIFORM_CELL = 1.207
+"""Half-amplitude width of the main lobe of equal weights, ``sinc(x) = 1/2``."""
 
 EDGE_CELLS = 2
 """Distance, in resolution cells, over which the main lobe of a beam reaches: past the edge of a mirror, for example."""
@@ -53,6 +56,14 @@ LOBE_CELLS = 1.5
 LARGEST_SINE = 0.985
 """Largest sine of the angle off broadside (80 degrees): the array does not resolve directions closer to its own
 line."""
+
+
+def uniform_cell(aperture_tx: float, aperture_rx: float) -> float:
+    """Half-amplitude width in u of ``sinc(D_tx u) sinc(D_rx u)``, whose curvature adds as that of Gaussians does.
+
+    The apertures are in wavelengths.
+    """
+    return UNIFORM_CELL / max(float(np.hypot(aperture_tx, aperture_rx)), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +98,7 @@ class ImageView(View):
         than it went out.
     corners : (c, 2) array [m]
         Where the image shows the vertices of right-angled corners, as the sweep tells.
-    window : (frequencies,) array
-        The weights over frequency, which set the side lobes in range; empty where they are not known.
-    radar, range, range_cell, normalization, wavelength
+    radar, range, range_cell, normalization, wavelength, window
         See `View`.
     """
 
@@ -283,15 +292,15 @@ class ImageView(View):
         which begin at `LOBE_CELLS` and grow by 30 % each, and by 10 % in range, where lobes fall faster.
         """
         claim = np.zeros_like(self.amplitude)
-        near = max(1, round(LOBE_CELLS * self.u_cell / self.du))
+        near = max(1, int(LOBE_CELLS * self.u_cell / self.du + 1e-6))
         while near < self.u.size:
-            far = max(near + 1, int(1.3 * near))
+            far = near + 2 * int(0.15 * near)
             tx, rx = (max(1.0, np.pi * length * near * self.du) for length in (self.aperture_tx, self.aperture_rx))
             _claim(claim, self.amplitude, near, far, 1.0 / (tx * rx))
-            near = far
+            near = far + 1
         envelope = np.zeros(0)
         if self.window.size:
-            distance = np.arange(self.range.size) * self.dr * HANN_CELL / self.range_cell
+            distance = np.arange(self.range.size) * self.dr / self.range_unit
             envelope = side_lobe_envelope(self.window, distance)
         near = max(1, int(LOBE_CELLS * self.range_cell / self.dr + 1e-6))  # whatever rounding left of a whole number
         while near < envelope.size and envelope[near] > LOWEST_LOBE:
@@ -329,8 +338,8 @@ class ImageView(View):
         return np.asarray(spline_filter(self.amplitude**2))
 
     def beam_power(self, aside: Array) -> Array:
-        """The two-way beam pattern of both arrays, taken as uniform apertures."""
-        u = self.u_cell * aside
+        """The two-way beam pattern of both arrays, taken as uniform apertures, and as wide as `u_cell` says."""
+        u = uniform_cell(self.aperture_tx, self.aperture_rx) * aside
         return np.asarray((np.sinc(self.aperture_tx * u) * np.sinc(self.aperture_rx * u)) ** 2)
 
     def cross_cell(self, points: Array) -> Array:
@@ -340,8 +349,8 @@ class ImageView(View):
 
 
 def _claim(claim: Array, amplitude: Array, near: int, far: int, level: float) -> None:
-    """Raise `claim` (n, m), in place, to the side lobes that echoes of an `amplitude` (n, m) have along the last axis,
-    between the distances `near` and `far`, in samples: their `level`, relative to the brightest echo so far away.
+    """Raise `claim` (n, m), in place, to `level` times the brightest `amplitude` (n, m) that lies `near` to `far`
+    samples away along the last axis, on either side. The number of these distances is odd.
     """
     size = far - near + 1
     brightest = level * (amplitude if size == 1 else maximum_filter1d(amplitude, size, axis=1, mode="constant"))

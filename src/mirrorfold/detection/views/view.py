@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from mirrorfold.common.facts import check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Complex, Index, Mask
+from mirrorfold.common.windows import cell_of
 from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.errors import InputError
 
@@ -56,6 +57,8 @@ class View(ABC):
         Width of an echo in range, between half-amplitude points.
     normalization : str
         How the decay of amplitudes with range was undone.
+    window : (frequencies,) array
+        The weights over frequency, which set the shape of an echo in range; empty where they are not known.
     """
 
     radar: Array
@@ -63,13 +66,19 @@ class View(ABC):
     range_cell: float
     wavelength: float
     normalization: str
+    window: Array
+
+    @property
+    def range_unit(self) -> float:
+        """The inverse of the band as a distance, c/(2B) [m], on which side lobes in range depend."""
+        return self.range_cell / cell_of(self.window)
 
     @property
     @abstractmethod
     def axes(self) -> tuple[Array, ...]:
-        """Angles [rad] of the lines of sight, uniform along each axis; the last axis varies fastest.
+        """Directions of the lines of sight, uniform along each axis; the last axis varies fastest.
 
-        For an image u, the sine of the angle off broadside; for a volume azimuth and elevation.
+        For an image u, the sine of the angle off broadside; for a volume azimuth and elevation [rad].
         """
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
 from mirrorfold.common.facts import radar_place
 from mirrorfold.common.types import Array, Complex, Index
-from mirrorfold.common.windows import HANN_CELL, WINDOWS, side_lobe_envelope
+from mirrorfold.common.windows import WINDOWS, cell_of, hann, side_lobe_envelope
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.views.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
@@ -51,9 +51,7 @@ class VolumeView(View):
     beam : tuple of float [m], optional
         Radius at the focus, distance of the focus, and wavelength. Where these are not known, the radius of a beam is
         taken to be `STEPS_A_BEAM` steps of the scan.
-    taper : str
-        Window over frequency.
-    radar, range, range_cell, normalization
+    radar, range, range_cell, normalization, window
         See `View`.
     """
 
@@ -67,7 +65,7 @@ class VolumeView(View):
     radar: Array
     range_cell: float
     beam: tuple[float, float, float] | None = None
-    taper: str = "hann"
+    window: Array = field(default_factory=lambda: hann(WINDOW_POINTS))
 
     @property
     def wavelength(self) -> float:  # type: ignore[override]
@@ -89,8 +87,8 @@ class VolumeView(View):
         one are taken, which fall slowest (Harris, Proc. IEEE 66, 1978).
         """
         # The edge of a run of samples, 12 dB below its peak, is more than one unit, c/(2B), away from the peak.
-        x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / (self.range_cell / HANN_CELL)
-        weights = WINDOWS.get(self.taper, WINDOWS["uniform"])(WINDOW_POINTS)
+        x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / self.range_unit
+        weights = self.window if self.window.size else np.ones(WINDOW_POINTS)
         level = side_lobe_envelope(weights, x) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
         return np.minimum(level, 1.0).astype(np.float32)
 
@@ -217,8 +215,9 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     if np.ptp(done) > 0.0:
         amplitude = np.divide(amplitude, np.maximum(done, np.finfo(np.float32).tiny), dtype=np.float32)
     radar = radar_place(attrs)
-    range_cell = max(HANN_CELL * float(attrs.get("range_resolution", step)), 2.0 * step)
+    taper = WINDOWS.get(str(attrs.get("taper", "hann")))
+    weights = np.zeros(0) if taper is None else np.asarray(taper(WINDOW_POINTS))
+    range_cell = max(cell_of(weights) * float(attrs.get("range_resolution", step)), 2.0 * step)
     gain = spreading(attrs, range_, frequency, chosen, "image")
-    taper = str(attrs.get("taper", "hann"))
     noise = noise_level(amplitude)
-    return VolumeView(amplitude, range_, azimuth, elevation, gain, chosen, noise, radar, range_cell, beam, taper)
+    return VolumeView(amplitude, range_, azimuth, elevation, gain, chosen, noise, radar, range_cell, beam, weights)

@@ -258,8 +258,10 @@ def check_reconstruction(reconstruction: xr.DataTree, source: str = "reconstruct
                 raise InputError(
                     f"{source}: {name!r} in the group {group} has dimensions {held[name].dims}, expected {dimensions}"
                 )
-    for group, name in (("/", "intensity"), ("/initial", "initial")):
-        picture = nodes[group].to_dataset()[name]
+    for group, name in (("/", "intensity"), ("/initial", "initial"), ("/initial", "phase")):
+        if name not in (held := nodes[group].to_dataset()):
+            continue
+        picture = held[name]
         if picture.dtype.kind not in "fiu":
             raise InputError(f"{source}: {name!r} has type {picture.dtype}, expected real amplitudes; fold again")
         _check_axes(picture, f"{source}: {name}")

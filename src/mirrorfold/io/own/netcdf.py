@@ -15,6 +15,7 @@ import h5py
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message
+from mirrorfold.common.phases import PHASE_STEP, PHASES
 from mirrorfold.common.reading import check_file
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
@@ -240,6 +241,8 @@ def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:
         encoding[str(name)] = {"fletcher32": True, "chunksizes": (slabs, *variable.shape[1:])}
         if variable.dtype.kind != "c":
             encoding[str(name)] |= {"zlib": True, "complevel": 1, "shuffle": True}
+        if name == "phase":
+            encoding[str(name)] |= {"dtype": "uint8", "scale_factor": PHASE_STEP, "_FillValue": PHASES}
     return encoding
 
 

@@ -32,6 +32,10 @@ LEAST_SHARE = 0.15
 CLEARER_DB = 12.0
 """Least difference in amplitude between the two groups of antennas; in full waves it is mostly 20 to 50 dB."""
 
+DIRECTIONS = 8.0
+"""What was measured at an end of a mirror holds for its direction to within one over this number, in every round: for
+another mirror with the same end, the two groups of antennas are others."""
+
 LEAST_ZONES = 3.0
 """Least spread of the antennas in Fresnel zones, where the paths to an echo pass the end of the mirror: an edge bends
 waves over one zone, which blurs a half-shadow of few zones."""
@@ -130,7 +134,8 @@ def _in_half_shadow(
     inside = ((share >= LEAST_SHARE) & (share <= 1.0 - LEAST_SHARE)).all(axis=0)
     half = np.flatnonzero(inside & (_zones(view, echoes.range, end) >= LEAST_ZONES))
     range_, u = view.to_polar(echoes.position[half])
-    where = [(*place, *np.rint(end / view.range_cell)) for place in zip(range_.tolist(), u.tolist(), strict=True)]
+    which = np.rint(end / view.range_cell), np.rint(DIRECTIONS * unit(outward))
+    where = [(*place, *np.concatenate(which)) for place in zip(range_.tolist(), u.tolist(), strict=True)]
     new = np.array([i for i, place in enumerate(where) if place not in known], dtype=np.intp)
     if new.size:
         looks = [side[half[new]] <= 0.0 for side in (tx, rx)]

@@ -21,6 +21,8 @@ from mirrorfold.detection.search.lines import SMALLEST_FILL
 from mirrorfold.tree.explaining.true_walls import BEYOND, strongest_flat, true_ends
 from mirrorfold.tree.ordering import Order
 
+LATE_WALL = "is of a wall seen in another one, from beyond the ambiguous range"
+
 CELLS, ACROSS_CELLS = 1.0, 1.0
 """Largest distance of an echo from where it is expected, in range cells and in resolution cells aside: the places of
 echoes and walls err by half a cell, and the errors of walls add from bounce to bounce."""

@@ -32,8 +32,9 @@ either way, both fit alike."""
 
 LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"
 
-GHOST_CELLS = 0.5
-"""Largest distance, in resolution cells, at which an echo is the same as a known ghost."""
+GHOST_CELLS, SAME_CELLS = 0.5, 0.1
+"""Largest distance, in resolution cells, at which an echo is the same as a known one; and up to which it is so in
+another cell, too: an image that was kept in a file gives the same echoes but for its phase, which is rounded."""
 
 LIKE_A_CORNER = 1.1
 """Least `corner_ratio` of a right-angled corner. Of 152 bright echoes in 18 sweeps, the vertices of corners had 1.23 to
@@ -61,9 +62,12 @@ def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known |
 
 
 def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) -> Names:
-    """As `misplaced`, from known ghosts at places (m, d) [m] of the image, with an `explanation` each, (m,)."""
-    distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(echoes.position))
-    return np.where(distance <= GHOST_CELLS, explanation[nearest], "")
+    """As `misplaced`, from known echoes at places (m, d) [m] of the image, with an `explanation` or "" each, (m,)."""
+    known, own = view.in_cells(places), view.in_cells(echoes.position)
+    distance, nearest = cKDTree(known).query(own)
+    # One measurement holds for all echoes in a cell.
+    alike = (np.floor(own) == np.floor(known[nearest])).all(axis=1) | (distance <= SAME_CELLS)
+    return np.where(alike & (distance <= GHOST_CELLS), explanation[nearest], "")
 
 
 def confocal(position: Array, amplitude: Array, waves: SweepWaves, view: ImageView, known: Known) -> Array:
@@ -86,6 +90,13 @@ def known_confocal(position: Array, amplitude: Array, view: ImageView, places: A
     return np.where(distance <= GHOST_CELLS, share[nearest], np.nan)
 
 
+def known_corners(position: Array, view: ImageView, places: Array) -> Mask:
+    """As `are_corners`, from the places (m, 2) [m] of corners that were found before."""
+    if not len(places):
+        return np.zeros(len(position), dtype=bool)
+    return np.asarray(cKDTree(view.in_cells(places)).query(view.in_cells(position))[0] <= GHOST_CELLS)
+
+
 def _seen(echoes: Echoes) -> tuple[Array, Array]:
     return echoes.position, echoes.amplitude
 
@@ -95,8 +106,7 @@ def _once_a_cell(
 ) -> Array:
     """The result of a `measure` of echoes by waves, (n,), once in each resolution cell, at its brightest echo."""
     range_, u = view.to_polar(position)
-    cells = view.in_cells(position).T.astype(np.intp)
-    cell = np.unique(cells, axis=1, return_inverse=True)[1].ravel()
+    cell = np.unique(np.floor(view.in_cells(position)), axis=0, return_inverse=True)[1].ravel()
     brightest = strongest_of(cell, amplitude)
     where = [(measure, r, sine) for r, sine in zip(range_[brightest].tolist(), u[brightest].tolist(), strict=True)]
     if new := [place for place in where if place not in known]:

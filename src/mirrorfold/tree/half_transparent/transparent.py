@@ -94,7 +94,13 @@ class TransparentWall:
 
 
 def find_transparent(
-    found: Found, view: View, images: Mapping[str, xr.DataArray], every: Echoes, *, full_pass: Pass
+    found: Found,
+    view: View,
+    images: Mapping[str, xr.DataArray],
+    every: Echoes,
+    *,
+    full_pass: Pass,
+    walls: Mask | None = None,
 ) -> Found:
     """Steps 2 to 4 once more without the echoes that passed through walls; unchanged if no wall is transparent.
 
@@ -109,6 +115,8 @@ def find_transparent(
     every : Echoes
         All echoes of the view.
     full_pass : callable
+    walls : (n,) bool array, optional
+        With given mirrors: which of `every` are of walls.
     """
     transparent_walls = []
     for index, chain in enumerate(found.sight.chain):
@@ -117,17 +125,23 @@ def find_transparent(
         wall = look_through(found, view, images, index, mirror)
         if wall is not None:
             transparent_walls.append(wall)
-    return taken_out(found, transparent_walls, view, every, full_pass)
+    return taken_out(found, transparent_walls, view, every, full_pass, walls)
 
 
 def taken_out(
-    found: Found, transparent_walls: Sequence[TransparentWall], view: View, every: Echoes, full_pass: Pass
+    found: Found,
+    transparent_walls: Sequence[TransparentWall],
+    view: View,
+    every: Echoes,
+    full_pass: Pass,
+    walls: Mask | None = None,
 ) -> Found:
     """Steps 2 to 4 once more without the echoes that passed through these walls; unchanged if there are none."""
     if not transparent_walls:
         return found
     gone = np.isin(_key(every), np.concatenate([_key(wall.echoes) for wall in transparent_walls]))
-    result = full_pass(echoes=every.take(~gone)) if gone.any() else found
+    kept = {} if walls is None else {"walls": walls[~gone]}
+    result = full_pass(echoes=every.take(~gone), **kept) if gone.any() else found
     anew = [_with_new_mirror(wall, result) for wall in transparent_walls]
     return result._replace(transparent_walls=tuple(_first_objects(wall, view) for wall in anew))
 
