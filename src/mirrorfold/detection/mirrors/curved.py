@@ -11,12 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
 
-LARGEST_DIMMING = 10.0 ** (30.0 / 20.0)
+LARGEST_DIMMING = ratio_of(30.0)
 """Largest factor by which mirrors are taken to dim amplitudes, 30 dB: weaker echoes cannot be told from multiple
 scattering, which starts 15 dB below echoes that were scattered once."""
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Index, Mask
@@ -53,7 +54,7 @@ is 0.32 to 0.45 for pillars and balls, because an echo is the mean of its cell, 
 share of its beams whose brightest echo lies off the surface: 0.01 at most for pillars and balls, 0.09 and more for
 bodies."""
 
-GLINT = 10.0 ** (12.0 / 20.0)
+GLINT = ratio_of(12.0)
 """Least amplitude of the glint of a mirror, relative to the median of its face: a surface that is smooth enough for a
 mirror returns a glint from where it faces the radar. The brightest of a thousand speckles exceeds the median by 10 dB,
 the glint of a pillar by 30 dB."""

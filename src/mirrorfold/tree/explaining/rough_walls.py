@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
@@ -177,11 +178,11 @@ def _of_objects(
     beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
     later = echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
     found &= later | (beside & (echoes.range[:, None] >= nearest))
-    found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * objects.level
+    found &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * objects.level
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
     usual = rough.median_amplitude(distance[:, some], far)
-    most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * usual
+    most = ratio_of(np.where(later[:, some], FADED_DB, OUTSHINES_DB)) * usual
     faint = echoes.amplitude[:, None] <= most
     legs = np.zeros(some.size, dtype=bool)
     if corners is not None:

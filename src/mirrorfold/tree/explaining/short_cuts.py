@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
@@ -71,5 +72,5 @@ def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Ec
         made = np.abs(echoes.range[:, None] - 0.5 * (short + bright.range)) <= EXPECTED_CELLS * view.range_cell
     made &= np.abs(view.u[echoes.direction][:, None] - view.u[bright.direction]) <= ACROSS_CELLS * view.u_cell
     made &= np.abs(echoes.range[:, None] - bright.range) >= APART_CELLS * view.range_cell
-    made &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * bright.amplitude
+    made &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * bright.amplitude
     return np.asarray(made.any(axis=1))

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Chain, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.tree.assignment import Found
@@ -58,7 +59,7 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
             met = (beyond <= view.cell(objects[chain].range[later])) & (away > APART_CELLS * view.range_cell)
             for turn, brighter in enumerate(BRIGHTER_DB, 1):
                 told = met & (np.abs(turn * away - behind) <= EXPECTED_CELLS * view.range_cell)
-                told &= objects[chain].amplitude[later] <= 10.0 ** (brighter / 20.0) * level[place]
+                told &= objects[chain].amplitude[later] <= ratio_of(brighter) * level[place]
                 marks[chain][later[told]] = True
     return marks
 
