@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import arc_through, circle_through, mirror_places
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
-
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 MIRROR_ANGLE_DEG, MIRROR_OFFSET = 10.0, 0.10
 """A detected mirror belongs to a true face that it agrees with to this angle [degree] and distance [m]: far more than
