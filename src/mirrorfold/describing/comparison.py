@@ -24,11 +24,9 @@ from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io.own.checks import check_image, check_reconstruction
+from mirrorfold.scoring.figures import WITHIN_CELLS
 from mirrorfold.scoring.mirrors import Face, mirror_errors
 from mirrorfold.sweep.polarization import first_polarization
-
-WITHIN_CELLS = 1.5
-"""Largest distance, in resolution cells, between points of the two results that are taken for the same point."""
 
 FLOOR_DB = -40.0
 """Level, relative to the brighter result [dB], at which both are cut off; the levels of noise below it would differ by
