@@ -195,4 +195,4 @@ def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Arra
     places = mirror.start + np.linspace(0.0, mirror.length, count)[:, None] * mirror.direction
     across = np.outer(view.extent(places, mirror.normal), cells)
     points = places[:, None] + across[..., None] * mirror.normal
-    return np.sqrt(np.maximum(view.power_at(*view.to_polar(points)), 0.0))
+    return np.sqrt(view.power_at(*view.to_polar(points)))
