@@ -30,7 +30,7 @@ from mirrorfold.detection.search.fit import (
     robust_weights,
 )
 from mirrorfold.detection.search.growing import CLIP, drawn
-from mirrorfold.detection.search.joined import joined
+from mirrorfold.detection.search.joined import fitted_together
 from mirrorfold.detection.search.lines import LOBE
 from mirrorfold.detection.search.rows import heaviest_row, longest_run
 from mirrorfold.detection.views.image_view import ImageView
@@ -197,7 +197,9 @@ class _Arcs:
     def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
         """Two arcs, fitted together as the halves of one smooth curve; None if they are not, or become implausible."""
         measured = self._centroids(one), self._centroids(other)
-        halves = joined((one, other), measured, self.view) if all(len(points) for points, _ in measured) else None
+        halves = (
+            fitted_together((one, other), measured, self.view) if all(len(points) for points, _ in measured) else None
+        )
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
