@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 NEAR = 0.06
 """An echo is that of an object, or of a mirror image of one, if that is within this distance [m] of the echo: twice the
-delay of a thick pane."""
+delay of a thick pane. The delay belongs to the wall, whatever the radar. Echoes of a radar whose resolution cell is
+larger stray by more; those that do are not judged."""
 
 NEEDED = {"x_initial", "y_initial", "surface", "chain"}
 """Columns of points that are needed; reconstructions by other methods may lack them."""
