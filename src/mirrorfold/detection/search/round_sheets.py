@@ -59,6 +59,11 @@ GLINT = ratio_of(12.0)
 mirror returns a glint from where it faces the radar. The brightest of a thousand speckles exceeds the median by 10 dB,
 the glint of a pillar by 30 dB."""
 
+FLAT, SPREAD_CELLS = 0.25, 4.0
+"""Neighbours of an echo lie in a flat sheet if their variance across it is less than the share `FLAT` of the smaller
+one along it, so that they spread along it at least twice as far; and if their standard deviation is less than
+`SPREAD_CELLS` resolution cells, as neighbours farther apart are single echoes."""
+
 GRAZING = 0.3
 """Cosine of the largest angle of incidence, 72 degrees: beyond it an echo says little of the surface, because the beam
 reaches past it."""
@@ -148,7 +153,7 @@ class _SheetSearch:
         normal *= -np.sign(np.sum(normal * sight, axis=1))[:, None]
         cell = np.asarray(view.cell(self.echoes.range))
         # The neighbours in a sheet spread along two directions; single echoes and thin strips tell no normal.
-        reliable = (size[:, 0] < 0.25 * size[:, 1]) & (size[:, 2] < (4.0 * cell) ** 2)
+        reliable = (size[:, 0] < FLAT * size[:, 1]) & (size[:, 2] < (SPREAD_CELLS * cell) ** 2)
         return normal, reliable
 
     def _proposed(self, free: Index) -> RoundSurface | None:
