@@ -28,7 +28,8 @@ BLOB_CELLS = 1.5
 
 
 SAME = 1e-9
-"""Echoes closer than this [m] are the same echo: more than the rounding of coordinates."""
+"""Echoes closer than this are the same echo: a share of the largest coordinate, more than the rounding of
+coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +144,7 @@ def _tested(points: Points, wall: TransparentWall) -> Points:
     if not len(points.initial) or not len(wall.tested):
         return points
     distance, nearest = cKDTree(wall.tested).query(points.initial)
-    is_tested = distance < SAME
+    is_tested = distance <= SAME * np.abs(points.initial).max()
     return replace(
         points,
         passed=np.where(is_tested, wall.passed[nearest], points.passed),
