@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mirrorfold.common.geometry import turned, unit_or_zero
+from mirrorfold.common.geometry import circle_crossings, turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.curved import dimming, fit_covariance
@@ -131,11 +131,8 @@ class ArcMirror(Mirror):
         """Range [m] at which lines of sight (n, 2) meet the circle, NaN where they miss it: its near side if it is
         convex, its far side if it is concave.
         """
-        offset = self.radar - self.middle
-        nearest = -(sight @ offset)
-        with np.errstate(invalid="ignore"):
-            half = np.sqrt(nearest**2 - (offset @ offset - self.radius**2))
-        return np.asarray(nearest - half if self.convex else nearest + half)
+        near, far = circle_crossings(self.radar - self.middle, sight, self.radius)
+        return near if self.convex else far
 
     def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
         """Range [m] at which each direction meets the arc, (nu,); infinite where it does not."""
