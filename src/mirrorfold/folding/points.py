@@ -154,7 +154,7 @@ def _tested(points: Points, wall: TransparentWall) -> Points:
 
 def _passed_points(wall: TransparentWall, tree: MirrorTree) -> Points:
     """The echoes that passed through a wall, as points in line of sight."""
-    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is wall.mirror), "?")
+    chain = next((chain_name(node.chain) for node in tree.mirrors if node.mirror is wall.mirror), "?")
     return Points.of(wall.echoes, wall.place, passed=wall.probability, wall=chain, decided=wall.decided)
 
 
