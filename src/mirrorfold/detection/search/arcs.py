@@ -91,7 +91,7 @@ ends of the arc move by less than `SETTLED_CELLS` range cells, less than centroi
 
 LEAST_STEP = 1e-6
 """Least distance of neighbouring centroids along an arc, in range cells, by which an average over them is divided: so
-that centroids at one place make no endless average. Usual ones are a good part of a range cell apart."""
+that centroids at one place make no endless average. Usual ones are `line_mirror.SPACING` apart."""
 
 SAMPLES = 181
 """Number of places along an arc at which its distance from other arcs, and its angle to the radar, are computed."""
