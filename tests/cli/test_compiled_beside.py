@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -63,9 +64,12 @@ def test_the_other_process_compiles_all_that_a_reconstruction_needs(tmp_path):
 def test_no_process_is_started_where_it_is_of_no_use(monkeypatch, compiled, cores):
     monkeypatch.setattr("mirrorfold.common.kernels.is_compiled", lambda kernel: compiled)
     monkeypatch.setattr("mirrorfold.common.threads.cpu_count", lambda: cores)
-    monkeypatch.setattr(compiling.subprocess, "Popen", None)
+    started, run = [], []
+    monkeypatch.setattr(compiling.subprocess, "Popen", lambda *words, **options: nullcontext(started.append(words)))
     with kernels_compiled_beside():
-        pass
+        run.append(1)
+    assert run == [1]
+    assert started == []
 
 
 def test_the_other_process_ends_with_the_first(monkeypatch):

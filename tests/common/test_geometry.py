@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 from mirrorfold.common.geometry import (
     Isometry,
+    circle_crossings,
     cross2,
     crossing,
     reflect,
@@ -215,3 +216,21 @@ def test_a_ray_meets_a_line_where_it_should_and_one_that_runs_along_it_nowhere()
     assert fractions == (0.5, 0.25)
     assert crossing([0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]) == (np.inf, np.inf)
     assert crossing([0.0, 0.0], [1.0, 0.0], [2.0, -1.0], [3.0, -1.0]) == (np.inf, np.inf)
+
+
+def test_rays_meet_both_sides_of_a_circle_or_miss_it():
+    """From 5 m before a circle of 3 m: through its middle, aside of it, and past it. The power of the origin is 4^2."""
+    rays = np.array([[0.0, 1.0], [0.28, 0.96], [0.8, 0.6]])
+    near, far = circle_crossings(np.array([0.0, -5.0]), rays, 3.0)
+    assert_allclose(near + far, [10.0, 9.6, np.nan])
+    assert_allclose(near * far, [16.0, 16.0, np.nan])
+    assert near[0] == 2.0
+
+
+def test_rays_of_any_length_meet_a_sphere_at_the_same_places():
+    random = np.random.default_rng(0)
+    offset, rays = np.array([0.2, -4.0, 0.5]), random.normal([0.0, 1.0, 0.0], 0.2, (200, 3))
+    for t in circle_crossings(offset, rays, 1.5, np.sum(rays**2, axis=1)):
+        met = np.isfinite(t)
+        assert 20 < met.sum() < 200
+        assert_allclose(np.linalg.norm(offset + t[met, None] * rays[met], axis=1), 1.5)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from synthetic import diffuse, radar_view, together
 
-from mirrorfold.detection import find_echoes, find_mirrors, finding
+from mirrorfold.detection import ArcMirror, LineMirror, find_echoes, find_mirrors, finding
 from mirrorfold.detection.finding import with_cache
 
 
@@ -56,3 +56,13 @@ def test_given_mirrors_are_never_remembered(seen):
     for start in (-0.5, -0.4):
         given = np.array([[[start, 1.2], [0.5, 1.3]]])
         assert find(view, echoes, known=given)[0].ends[0, 0] == pytest.approx(start, abs=0.02)
+
+
+def test_flat_mirrors_dim_no_echoes_and_curved_ones_do(seen):
+    view, echoes = seen
+    flat = LineMirror(np.array([-0.5, 1.2]), np.array([0.5, 1.3]))
+    for field in fields(echoes):
+        found = getattr(find_echoes(view, through=[flat]), field.name)
+        np.testing.assert_array_equal(found, getattr(echoes, field.name))
+    pillar = ArcMirror(np.array([0.8, 1.0]), 0.2, np.pi, np.pi, view.radar)
+    assert find_echoes(view, through=[flat, pillar]).limit.min() < echoes.limit.min()

@@ -48,7 +48,7 @@ def found(image):
 def with_mirror(found, **changes):
     """The same, with one mirror changed."""
     node = found.tree.mirrors[0]
-    return found._replace(tree=replace(found.tree, mirrors=(replace(node, line=replace(node.line, **changes)),)))
+    return found._replace(tree=replace(found.tree, mirrors=(replace(node, mirror=replace(node.mirror, **changes)),)))
 
 
 def test_what_was_folded_by_a_mirror_that_is_hardly_known_is_doubted(found):
@@ -67,7 +67,7 @@ def test_standard_errors_hold_those_of_the_mirror(found):
     points = fold_back(found.tree)
     stated = errors(points, with_mirror(found, angle_error=angle, offset_error=offset).tree, found.sight.view)[0]
     own = errors(points, with_mirror(found, angle_error=0.0, offset_error=0.0).tree, found.sight.view)[0]
-    mirror = found.tree.mirrors[0].line
+    mirror = found.tree.mirrors[0].mirror
     assert isinstance(mirror, LineMirror)
     hidden = points.bounces > 0
     places = []

@@ -147,10 +147,10 @@ def test_the_tree_of_a_volume_shows_itself(world_volume):
     view = see(volume)
     echoes = find_echoes(view)
     tree = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes))).tree
-    size = f"{tree.mirrors[0].line.size:.2f} m"
+    size = f"{tree.mirrors[0].mirror.size:.2f} m"
     assert size in repr(tree)
     assert size in tree._repr_html_()
-    assert json.loads(tree.to_json())["mirrors"][0]["line"]["start"][1] == tree.mirrors[0].line.ends[0, 1]
+    assert json.loads(tree.to_json())["mirrors"][0]["line"]["start"][1] == tree.mirrors[0].mirror.ends[0, 1]
 
 
 def test_a_plane_behind_the_scanner_shows_nothing():

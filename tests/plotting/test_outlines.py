@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.testing import assert_allclose
 
 from mirrorfold.common.arcs import mirror_outlines
-from mirrorfold.plotting.outlines import covered, cut, cut_triangles, joined, silhouette
+from mirrorfold.plotting.outlines import as_polylines, covered, cut, cut_triangles, silhouette
 from mirrorfold.reporting.document import truth_lines
 from mirrorfold.scenes.floor_plan import parse_scene
 
@@ -99,7 +99,7 @@ def test_segments_in_any_order_become_closed_lines():
     circle = np.stack([np.cos(angle), np.sin(angle), np.zeros(13)], axis=1)
     both = np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in (circle, circle + 3.0)])
     order = np.random.default_rng(0).permutation(len(both))
-    lines = joined(both[order])
+    lines = as_polylines(both[order])
     assert [len(line) for line in lines] == [13, 13]
     assert all((line[0] == line[-1]).all() for line in lines)
 

@@ -47,7 +47,7 @@ def held(tree):
 
 def test_every_echo_is_held_by_the_node_that_it_is_seen_by(view):
     tree, sight, _ = assigned(view, list(PLACES.values()), opaque=False)
-    assert [child.line for child in tree.mirrors] == [SIDE, NEAR]
+    assert [child.mirror for child in tree.mirrors] == [SIDE, NEAR]
     assert sight.chain == ((0,), (1, 0), (1,))
     assert held(tree) == {
         (): [PLACES["direct"]], (0,): [PLACES["behind the one aside"]], (1,): [PLACES["behind it"]],

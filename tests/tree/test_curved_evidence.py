@@ -293,7 +293,7 @@ def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view):
     found, first, steps = curved_of(view, SHOWN, [PILLAR, ASIDE], [])
     assert steps.tried == [[PILLAR]]
     assert steps.earlier == [first]
-    assert [node.line for node in found.tree.walk()] == [None, PILLAR]
+    assert [node.mirror for node in found.tree.walk()] == [None, PILLAR]
     assert steps.through[-1] == [PILLAR]
 
 
@@ -305,7 +305,7 @@ def test_arcs_that_others_show_are_looked_for_once_more(view):
     again = replace(PILLAR, middle=np.array([0.0, 1.31]))
     found, _, steps = curved_of(view, places, [PILLAR], [again, right])
     assert steps.tried == [[PILLAR], [PILLAR, right]]
-    assert {node.line for node in found.tree.walk()} == {None, PILLAR, right}
+    assert {node.mirror for node in found.tree.walk()} == {None, PILLAR, right}
 
 
 @pytest.mark.slow
@@ -326,7 +326,7 @@ def test_a_pillar_in_an_image_is_a_mirror_if_it_shows_what_is_hidden(monkeypatch
         again = partial(find_tree, view, settings=settings)
         quick_pass = partial(ordered_again, view, settings=settings)
         found = find_curved(flat, view, Steps(partial(find_echoes, view), quick_pass, again))[0]
-        assert [node.line.curved for node in found.tree.walk() if node.line is not None] == [True] * bent
+        assert [node.mirror.curved for node in found.tree.walk() if node.mirror is not None] == [True] * bent
         # It is proposed once more, and no row of what it shows is.
         assert all(overlap(one, arc) for one in candidates(found, view))
 

@@ -63,5 +63,5 @@ def test_a_round_with_an_image_of_the_radar_keeps_curved_mirrors_besides():
     arc = ArcMirror(middle=np.array([0.8, 1.4]), radius=0.2, first=np.pi, span=1.0, radar=np.zeros(2))
     places = np.concatenate([on_line(*mirror.ends, spacing=0.005) for mirror in (faces, own)])
     found = find_tree(view, echoes_at(view, places), SETTINGS, find=finds([faces, own]), besides=[arc])
-    assert {type(node.line) for node in found.tree.mirrors} == {LineMirror, ArcMirror}
+    assert {type(node.mirror) for node in found.tree.mirrors} == {LineMirror, ArcMirror}
     assert len(list(found.tree.walk())) == 3

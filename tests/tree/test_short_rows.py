@@ -53,7 +53,7 @@ def steps_2_to_4(*parts, corners=None):
 
 
 def mirrors_of(found):
-    return [node.line for node in found.tree.walk() if node.line is not None]
+    return [node.mirror for node in found.tree.walk() if node.mirror is not None]
 
 
 @pytest.mark.slow

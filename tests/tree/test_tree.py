@@ -41,14 +41,14 @@ def test_three_bounces_arrive_where_the_targets_are(periscope_tree):
     for node in tree.walk():
         assert node.generation == len(node.chain)
         assert (node.objects.range.size > 0) == (node.generation == 3)
-        if node.line is not None:
+        if node.mirror is not None:
             true = (A, B, C)[node.generation - 1]
-            found = folds[node.chain[:-1]](np.stack([node.line.start, node.line.end]))
+            found = folds[node.chain[:-1]](np.stack([node.mirror.start, node.mirror.end]))
             angle, offset = line_errors(found, true)
             assert angle < 0.06
             assert offset < 1.5
             assert np.linalg.norm(found.mean(axis=0) - true.mean(axis=0)) < 0.02
-            assert node.line.length == pytest.approx(np.linalg.norm(true[1] - true[0]), abs=0.04)
+            assert node.mirror.length == pytest.approx(np.linalg.norm(true[1] - true[0]), abs=0.04)
     deepest = list(tree.walk())[-1]
     places = folds[0, 0, 0](deepest.objects.position)
     # An echo lies within the main lobe of its point.
@@ -106,29 +106,29 @@ def test_a_tree_tells_what_it_holds(periscope_tree):
     lines = repr(tree).splitlines()
     assert lines[0] == "radar: 0 object echoes"
     assert [line.index("mirror") for line in lines[1:]] == [2, 4, 6]
-    assert lines[3].strip() == f"mirror 0/0/0, {nodes[3].line.length:.2f} m: {number} object echoes"
+    assert lines[3].strip() == f"mirror 0/0/0, {nodes[3].mirror.length:.2f} m: {number} object echoes"
     plain = json.loads(tree.to_json())
     assert plain["line"] is None
     assert plain["chain"] == []
     for node in nodes[1:]:
         (plain,) = plain["mirrors"]
         assert plain["chain"] == list(node.chain)
-        assert_allclose([plain["line"]["start"], plain["line"]["end"]], [node.line.start, node.line.end])
-        assert plain["line"]["strength"] == node.line.strength
-        assert plain["line"]["angle_error_deg"] == node.line.angle_error
-        assert plain["line"]["offset_error_m"] == node.line.offset_error
+        assert_allclose([plain["line"]["start"], plain["line"]["end"]], [node.mirror.start, node.mirror.end])
+        assert plain["line"]["strength"] == node.mirror.strength
+        assert plain["line"]["angle_error_deg"] == node.mirror.angle_error
+        assert plain["line"]["offset_error_m"] == node.mirror.offset_error
         assert plain["objects"] == node.objects.range.size
     assert plain["mirrors"] == []
     by_chain = tree.mirrors_by_chain()
     assert [len(by_chain[node.chain]) for node in nodes] == [0, 1, 2, 3]
-    assert all(one is node.line for one, node in zip(by_chain[0, 0, 0], nodes[1:], strict=True))
+    assert all(one is node.mirror for one, node in zip(by_chain[0, 0, 0], nodes[1:], strict=True))
 
 
 @pytest.mark.slow
 def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
     """Against mirrors that are moved and turned at random, each by its own errors."""
     tree, *_ = periscope_tree
-    lines = [node.line for node in tree.walk() if node.line is not None]
+    lines = [node.mirror for node in tree.walk() if node.mirror is not None]
     random = np.random.default_rng(0)
     true, *_ = folded(lines)
     strays, seen = [], []
@@ -172,7 +172,7 @@ def test_the_radars_view_of_the_periscope_opens_mirror_by_mirror(periscope_tree)
     tree, sight, view, _ = periscope_tree
     assert sorted(sight.chain, key=len) == [(0,), (0, 0), (0, 0, 0)]
     number = {chain: index for index, chain in enumerate(sight.chain)}
-    lines = {node.chain: node.line for node in tree.walk()}
+    lines = {node.chain: node.mirror for node in tree.walk()}
     range_, u = view.to_polar(0.5 * (lines[0,].center + lines[0, 0].center))
     column = view.column(np.atleast_1d(u))
     for distance, owner in ((0.5, ROOT), (range_, number[0,]), (2.4, number[0, 0]), (3.6, number[0, 0, 0])):
@@ -195,8 +195,8 @@ def test_a_wall_that_its_own_image_continues_is_split_where_the_image_begins(rig
     folds = tree.folds()
     found = {}
     for node in tree.walk():
-        if node.line is not None:
-            ends = folds[node.chain[:-1]](np.stack([node.line.start, node.line.end]))
+        if node.mirror is not None:
+            ends = folds[node.chain[:-1]](np.stack([node.mirror.start, node.mirror.end]))
             horizontal = abs(ends[1, 0] - ends[0, 0]) > abs(ends[1, 1] - ends[0, 1])
             found[node.generation, bool(horizontal)] = ends
             angle, offset = line_errors(ends, first if horizontal else second)
@@ -242,8 +242,13 @@ def test_every_echo_is_in_the_tree_at_most_once(periscope_tree):
 
 def test_the_radar_itself_has_no_face(periscope_tree):
     tree, *_ = periscope_tree
-    assert tree.line is None
+    assert tree.mirror is None
     assert tree.face.range.size == 0
+
+
+def test_the_mirror_of_a_node_has_its_earlier_name_too(periscope_tree):
+    tree, *_ = periscope_tree
+    assert all(node.line is node.mirror for node in tree.walk())
 
 
 def test_mirror_worlds_open_only_through_their_parents():

@@ -90,10 +90,8 @@ def test_a_row_of_clutter_behind_objects_is_no_mirror():
     clear, *_ = tree_of(*parts, opaque=False)
     assert [node.chain for node in opaque.walk()] == [(), (0,)]
     assert [node.chain for node in clear.walk()] == [(), (0,), (0, 0)]
-    assert (
-        line_errors(np.stack([clear.mirrors[0].mirrors[0].line.start, clear.mirrors[0].mirrors[0].line.end]), row)[1]
-        < 1
-    )
+    image = clear.mirrors[0].mirrors[0].mirror
+    assert line_errors(np.stack([image.start, image.end]), row)[1] < 1
 
 
 def beyond(distance):

@@ -19,6 +19,7 @@ from mirrorfold.calibration.record import (
 )
 from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
 from mirrorfold.common.arguments import boolean, number
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import ambiguous_range, wavenumber
 
@@ -93,7 +94,7 @@ def normalise_by_reference(
     else:
         common = sum(response(some).sum(axis=(1, 2), keepdims=True) for some in parts) / length.size
         level = np.abs(common)
-    floor = 10.0 ** (WEAKEST_DB / 20.0) * float(np.median(level))
+    floor = ratio_of(WEAKEST_DB) * float(np.median(level))
     if floor == 0.0:
         raise InputError("reference: is silent in most samples; measure a stronger reflector or more points")
     lost = int(np.count_nonzero(~(level > floor)))

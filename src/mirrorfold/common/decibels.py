@@ -1,6 +1,8 @@
-"""Decibels and colours that all pictures have in common, whichever program draws them."""
+"""Ratios in decibels, and the decibels and colours that all pictures have in common, whichever program draws them."""
 
 from __future__ import annotations
+
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +16,9 @@ PASSED_COLOUR, PASSED_LABEL = "#7B3294", "seen through a wall"
 """Colour and label of points that passed through a half-transparent wall, and are therefore not folded."""
 
 TRUTH_COLOUR = "#CC0000"
+
+Level = TypeVar("Level", float, Array)
+"""A level in decibels, or an array of levels."""
 
 REFERENCE_QUANTILE = 0.9995
 """Quantile over the pixels in view that is shown as 0 dB: the few glints above it are saturated."""
@@ -30,13 +35,18 @@ def decibels(amplitude: Array, floor_db: float) -> Array:
     """``20 log10`` of amplitudes over their `reference`, clipped to [floor_db, 0]; all floor_db if none is positive."""
     if not (amplitude > 0).any():
         return np.full(amplitude.shape, floor_db)
-    level = 20.0 * np.log10(np.maximum(amplitude / reference(amplitude), 10.0 ** (floor_db / 20.0)))
+    level = 20.0 * np.log10(np.maximum(amplitude / reference(amplitude), ratio_of(floor_db)))
     return np.asarray(np.minimum(level, 0.0))
 
 
 def to_db(ratio: Array) -> Array:
     """``20 log10`` of ratios of amplitudes (n,); for zero, a very low number."""
     return np.asarray(20.0 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
+
+
+def ratio_of(db: Level) -> Level:
+    """The ratio of amplitudes that decibels stand for, ``10^(db / 20)``: the inverse of `to_db`."""
+    return 10.0 ** (db / 20.0)
 
 
 def power_decibel(power: float) -> float | None:

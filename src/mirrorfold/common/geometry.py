@@ -116,6 +116,18 @@ def crossing(origin: ArrayLike, targets: ArrayLike, start: ArrayLike, end: Array
     return along_ray, along_segment
 
 
+def circle_crossings(offset: Array, rays: Array, radius: float, square: Array | float = 1.0) -> tuple[Array, Array]:
+    """How far along rays (n, d) the near and the far side of a circle or a sphere are met, (n,) each; NaN if missed.
+
+    They are the roots t of ``|o + t v|^2 = R^2``, with the offset o (d,) [m] of the common origin of the rays from the
+    middle, the radius R [m], and the rays v of length one. For others, `square` (n,) must be ``|v|^2``.
+    """
+    half = rays @ offset
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(half**2 - square * (offset @ offset - radius**2))
+        return (-half - root) / square, (-half + root) / square
+
+
 def place(value: ArrayLike, name: str) -> Array:
     """A place given by two or three coordinates [m], as three; the third is then zero.
 

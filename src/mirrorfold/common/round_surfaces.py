@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mirrorfold.common.geometry import unit, unit_or_zero
+from mirrorfold.common.geometry import circle_crossings, unit, unit_or_zero
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Mask
 
@@ -66,11 +66,8 @@ class RoundSurface:
         It is the smaller root t of ``|P(o + t d - m)|^2 = R^2``, with the projection P of `across`.
         """
         ahead, offset = self.across(sight), self.across(origin - self.middle)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            square, half = np.sum(ahead**2, axis=-1), ahead @ offset
-            root = np.sqrt(half**2 - square * (offset @ offset - self.radius**2))
-            range_ = (-half - root) / square
-            return np.where(range_ > 0.0, range_, np.nan)
+        range_, _ = circle_crossings(offset, ahead, self.radius, np.sum(ahead**2, axis=-1))
+        return np.where(range_ > 0.0, range_, np.nan)
 
     def passed(self, origin: Array, sight: Array) -> Array:
         """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) are closest to the middle or axis."""

@@ -17,18 +17,16 @@ from mirrorfold.common.decibels import reference
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection.finding import see
+from mirrorfold.detection.views.image_to_view import outline_of
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io.own.checks import check_image, check_reconstruction
+from mirrorfold.scoring.figures import WITHIN_CELLS
 from mirrorfold.scoring.mirrors import Face, mirror_errors
 from mirrorfold.sweep.polarization import first_polarization
-
-WITHIN_CELLS = 1.5
-"""Largest distance, in resolution cells, between points of the two results that are taken for the same point."""
 
 FLOOR_DB = -40.0
 """Level, relative to the brighter result [dB], at which both are cut off; the levels of noise below it would differ by
@@ -292,13 +290,14 @@ def cells(reconstruction: xr.DataTree, distance: Array) -> Array:
     """Size of the resolution cell [m] of a reconstruction at `distance` [m], the path length from the radar."""
     attrs = reconstruction.attrs
     if "z" not in reconstruction.children["objects"].variables:
-        return np.asarray(see(initial_image(reconstruction)).cell(distance))
-    known = [attrs.get(f"image_{name}") for name in ("spot_radius", "focus_distance", "frequency_start", "wave_speed")]
+        return np.asarray(outline_of(initial_image(reconstruction)).cell(distance))
+    names = "spot_radius", "focus_distance", "frequency_start", "frequency_stop", "wave_speed"
+    known = [attrs.get(f"image_{name}") for name in names]
     pixel = float(np.diff(reconstruction.dataset["x"].values[:2])[0])
     if any(value is None for value in known):
         return np.full(np.shape(distance), PIXELS_A_CELL * pixel)
-    spot, focus, frequency, speed = map(float, known)  # type: ignore[arg-type]
-    width = 2.0 * beam_radius(distance, spot_radius=spot, focus_distance=focus, wavelength=speed / frequency)
+    spot, focus, low, high, speed = map(float, known)  # type: ignore[arg-type]
+    width = 2.0 * beam_radius(distance, spot_radius=spot, focus_distance=focus, wavelength=speed / (0.5 * (low + high)))
     return np.asarray(np.hypot(2.0 * float(attrs.get("image_range_resolution", 0.0)), width))
 
 

@@ -18,12 +18,10 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.records import Number, Record, fact
+from mirrorfold.scoring.figures import NEAR, WIDE
 
 TABLE = "expected_quality.json"
 """Name of the shipped table."""
-
-NEAR_M, WIDE_M, NEAR_CELLS = 0.02, 0.05, 1.5
-"""Distances from the truth for which the F-score is stated [m], [m] and [resolution cells]."""
 
 
 class ExpectedQuality(Record):
@@ -109,7 +107,7 @@ def expected_quality(
     close_in_cells = known["close_in_cells"]
     pairs = (
         found,
-        *(_product(found, _interpolated(known["close"], limit / cell)) for limit in (NEAR_M, WIDE_M)),
+        *(_product(found, _interpolated(known["close"], limit / cell)) for limit in (NEAR, WIDE)),
         _product(found, (close_in_cells["mean"], close_in_cells["standard_error"])),
     )
     names = ("wall_found", "f_score_2cm", "f_score_5cm", "f_score_cells")

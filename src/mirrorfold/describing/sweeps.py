@@ -15,6 +15,7 @@ from mirrorfold.calibration.record import single_precision_scale
 from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
@@ -29,8 +30,6 @@ from mirrorfold.sweep import (
     misaligned_axis,
     wave_speed,
 )
-
-Array = NDArray[np.float64]
 
 QUIET_SHARE = 0.1
 """Share of the bins of the range profile, the quietest, that are taken to hold noise alone."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirrorfold.common.decibels import power_decibel
 from mirrorfold.common.records import Number, Record
 from mirrorfold.common.slabs import POLARIZATIONS
+from mirrorfold.common.types import Array
 from mirrorfold.scenes.materials import coherent_factor, material
-
-Array = NDArray[np.float64]
 
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Angles of incidence at which a wall is described [degree]."""

@@ -84,7 +84,8 @@ class Echoes:
     def found(cls, position: Array, range_: Array, direction: Index, amplitude: Array, length: Array, noise: Array,
               threshold: float, reference: float) -> Echoes:  # fmt: skip
         """Echoes as they are found: all of them visible, and strong from the threshold on."""
-        strong, visible, limit = amplitude >= threshold, range_ > -np.inf, np.full(range_.size, threshold)
+        strong, limit = amplitude >= threshold, np.full(range_.size, threshold)
+        visible = np.ones(range_.size, dtype=bool)
         return cls(position, range_, direction, amplitude, length, strong, visible, noise, limit, threshold, reference)
 
     @classmethod

@@ -81,17 +81,18 @@ def find_echoes(
     published : bool
         As in the published algorithm: every pixel above the threshold, relative to the brightest pixel, is an echo.
     through : sequence of Mirror, optional
-        Known curved mirrors. They dim the echoes behind them, so that the threshold is lower there.
+        Known mirrors. Curved ones dim the echoes behind them, so that the threshold is lower there.
     """
     found: tuple[Callable[..., Echoes], ...] = image_echoes.find_ridges, image_echoes.find_pixels
     usual = image_echoes.THRESHOLD_DB
     if view.dimensions == 3:
         found, usual = (volume_echoes.find_runs, volume_echoes.find_voxels), volume_echoes.THRESHOLD_DB
     level = usual if threshold_db is None else threshold_db
-    if through and isinstance(view, ImageView):
-        return image_echoes.find_ridges(view, threshold_db=level, gain=gains(view, through))
+    curved = [mirror for mirror in through if mirror.curved]
+    if curved and isinstance(view, ImageView):
+        return image_echoes.find_ridges(view, threshold_db=level, gain=gains(view, curved))
     echoes = found[published](view, threshold_db=level)
-    return dimmed(echoes, view, through) if through else echoes
+    return dimmed(echoes, view, curved) if curved else echoes
 
 
 def find_mirrors(

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import maximum_filter, maximum_filter1d
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import RAYLEIGH_MEDIAN, SIDE_LOBE_MARGIN_DB, Echoes, noise_limit, reference_echo
 from mirrorfold.detection.views.image_view import ImageView
@@ -50,17 +51,17 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
     factor by which known mirrors dim the echoes that they show there.
     """
     amplitude = view.amplitude
-    quiet, floor = noise_floor(view), view.side_lobes * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+    quiet, floor = noise_floor(view), view.side_lobes * ratio_of(SIDE_LOBE_MARGIN_DB)
     np.maximum(quiet[:, None], floor, out=floor)
     above = amplitude > floor
     reference = reference_echo(np.max(amplitude, axis=0, initial=0.0, where=above))
-    threshold = reference * 10.0 ** (threshold_db / 20.0)
+    threshold = reference * ratio_of(threshold_db)
     level = amplitude if gain is None else amplitude * gain
-    above &= level >= threshold * 10.0 ** (FAINT_DB / 20.0)
+    above &= level >= threshold * ratio_of(FAINT_DB)
 
     cell = tuple(2 * round(width / step) + 1 for width, step in ((view.range_cell, view.dr), (view.u_cell, view.du)))
     brightest = maximum_filter(amplitude, size=cell, mode="constant")
-    brightest *= 10.0 ** (RIDGE_DB / 20.0)
+    brightest *= ratio_of(RIDGE_DB)
     above &= amplitude >= brightest
     in_range = above & (amplitude == maximum_filter1d(amplitude, 3, axis=0, output=brightest, mode="constant"))
     in_u = above & (amplitude == maximum_filter1d(amplitude, 3, axis=1, output=brightest, mode="constant"))
@@ -97,7 +98,7 @@ def find_pixels(view: ImageView, *, threshold_db: float) -> Echoes:
     Each echo weighs with the area of its sample.
     """
     brightest = float(view.amplitude.max())
-    threshold = brightest * 10.0 ** (threshold_db / 20.0)
+    threshold = brightest * ratio_of(threshold_db)
     rows, columns = np.nonzero((view.amplitude >= threshold) & (view.amplitude > 0.0))
     points = view.to_points(view.range[rows], view.u[columns])
     area = view.dr * view.cross_cell(points) * view.du / view.u_cell

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
@@ -44,8 +45,8 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
 
     def column(i: int) -> None:
         counts[i] = _runs_of(
-            view.amplitude, i, np.float32(view.floor), np.float32(10.0 ** (RUN_DB / 20.0)),
-            np.float32(10.0 ** (RIDGE_DB / 20.0)), view.side_lobes, cell, beams[i], found[i],
+            view.amplitude, i, np.float32(view.floor), np.float32(ratio_of(RUN_DB)),
+            np.float32(ratio_of(RIDGE_DB)), view.side_lobes, cell, beams[i], found[i],
         )  # fmt: skip
 
     for_each(column, range(columns))
@@ -55,7 +56,7 @@ def find_runs(view: VolumeView, *, threshold_db: float = THRESHOLD_DB) -> Echoes
     gain = np.interp(range_, view.range, view.gain)
     amplitude = values[:, 1] * gain
     reference = reference_echo(brightest_of(beam, amplitude))
-    threshold = reference * 10.0 ** (threshold_db / 20.0)
+    threshold = reference * ratio_of(threshold_db)
     places, length = view.points(range_, beam), np.ones(beam.size)
     return Echoes.found(places, range_, beam, amplitude, length, view.floor * gain, threshold, reference)
 
@@ -64,7 +65,7 @@ def find_voxels(view: VolumeView, *, threshold_db: float) -> Echoes:
     """Echoes of the published algorithm: every sample above a threshold [dB] relative to the brightest sample."""
     level = view.amplitude.reshape(-1, view.range.size) * view.gain
     brightest = float(level.max())
-    threshold = brightest * 10.0 ** (threshold_db / 20.0)
+    threshold = brightest * ratio_of(threshold_db)
     beam, sample = np.nonzero((level >= threshold) & (level > 0.0))
     range_ = view.range[sample]
     return Echoes.pixels(view.points(range_, beam), range_, beam, np.ones(beam.size), brightest, threshold)

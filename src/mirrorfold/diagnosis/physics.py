@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
-from scipy.spatial import cKDTree
 
+from mirrorfold.common.plausible import FINE_PITCH, pitch
 from mirrorfold.common.units import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
@@ -20,12 +20,9 @@ from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
 from mirrorfold.sweep import unit_doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
-COARSE_PITCH = 15.0
-"""Smallest pitch, in wavelengths, at which the positions are suspected to be in another unit; sparse arrays have
-less."""
-
-FINE_PITCH = (0.05, 2.0)
-"""Smallest and largest pitch, in wavelengths, that make sense once the unit is right."""
+SUSPECT_PITCH = 15.0
+"""Smallest pitch, in wavelengths, at which the positions are suspected to be in another unit. It is less than the
+`COARSE_PITCH` from which on distances alone raise a doubt: here the waves must fit the other unit, too."""
 
 IN_PHASE = 25.0
 """Smallest median coherence of the gates, relative to that of random phases, at which the positions fit the waves.
@@ -156,12 +153,13 @@ def _unit(pairs: Pairs) -> str | None:
 
     None where the array is not too coarse, or no unit fits.
     """
-    pitch = _pitch(pairs) / pairs.wavelength
-    if pitch < COARSE_PITCH:
+    # That of the finer array; a single place has none.
+    step = min(filter(None, (pitch(pairs.tx), pitch(pairs.rx))), default=0.0) / pairs.wavelength
+    if step < SUSPECT_PITCH:
         return None
     fitting = {}
     for unit in _NAMES:
-        if FINE_PITCH[0] <= pitch * UNITS[unit] <= FINE_PITCH[1]:
+        if FINE_PITCH[0] <= step * UNITS[unit] <= FINE_PITCH[1]:
             waves = wavefronts(on_a_line(pairs.scaled(UNITS[unit])), exchange=False)
             if waves is not None and in_phase(waves) >= IN_PHASE:
                 fitting[unit] = in_phase(waves)
@@ -171,16 +169,6 @@ def _unit(pairs: Pairs) -> str | None:
 def in_phase(waves: Wavefronts) -> float:
     """Median over the gates of the largest coherence, relative to that of random phases, ``1 / pairs``."""
     return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
-
-
-def _pitch(pairs: Pairs) -> float:
-    """Median distance between neighbours in the finer of both arrays [m]; zero for a single place."""
-    pitches = []
-    for places in (pairs.tx, pairs.rx):
-        unique = np.unique(places, axis=0)
-        if len(unique) > 1:
-            pitches.append(float(np.median(cKDTree(unique).query(unique, k=2)[0][:, 1])))
-    return min(pitches, default=0.0)
 
 
 def _same_places(pairs: Pairs) -> bool:

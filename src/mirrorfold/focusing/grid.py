@@ -116,7 +116,7 @@ def default_grid(
             limits, centre, float(np.linalg.norm(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)) - centre)), maximum_pixels
         )
     far = RANGE_SHARE * limits.ambiguous_range if np.isfinite(limits.ambiguous_range) else 100.0 * limits.near
-    centre = 0.5 * (tx[:, 0].mean() + rx[:, 0].mean())
+    middle = 0.5 * (tx[:, 0].mean() + rx[:, 0].mean())
     side = FIELD_OF_VIEW * far
     pitch_y = limits.range_resolution / CELLS_PER_RESOLUTION
     pitch_x = min(pitch_y, NEAR_SHARE * far * limits.angle_resolution / CELLS_PER_RESOLUTION)
@@ -131,7 +131,7 @@ def default_grid(
     growth = max(1.0, float(np.sqrt(wanted / maximum_pixels)))
     pitch_x, pitch_y = growth * pitch_x, growth * pitch_y
     half = int(np.ceil(side / pitch_x))
-    x = centre + pitch_x * np.arange(-half, half + 1)
+    x = middle + pitch_x * np.arange(-half, half + 1)
     y = limits.near + pitch_y * np.arange(int((last - limits.near) / pitch_y) + 1)
     return np.asarray(x), np.asarray(y)
 

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.image_echoes import FAINT_DB
@@ -71,7 +72,7 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     first, second, apart = _neighbours(points, cells)
     share = np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1, None, None]
     between = (1.0 - share) * points.initial[first] + share * points.initial[second]
-    needed = np.minimum(points.exceeded[first], points.exceeded[second]) * 10.0 ** (FAINT_DB / 20.0)
+    needed = np.minimum(points.exceeded[first], points.exceeded[second]) * ratio_of(FAINT_DB)
     bright = np.all(_brightest_beside(between, view) >= needed, axis=0)
     first, second, pieces = first[bright], second[bright], np.ceil(apart[bright] / STEP_CELLS).astype(np.intp)
 

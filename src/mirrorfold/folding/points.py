@@ -28,7 +28,8 @@ BLOB_CELLS = 1.5
 
 
 SAME = 1e-9
-"""Echoes closer than this [m] are the same echo: more than the rounding of coordinates."""
+"""Echoes closer than this are the same echo: a share of the largest coordinate, more than the rounding of
+coordinates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +144,7 @@ def _tested(points: Points, wall: TransparentWall) -> Points:
     if not len(points.initial) or not len(wall.tested):
         return points
     distance, nearest = cKDTree(wall.tested).query(points.initial)
-    is_tested = distance < SAME
+    is_tested = distance <= SAME * np.abs(points.initial).max()
     return replace(
         points,
         passed=np.where(is_tested, wall.passed[nearest], points.passed),
@@ -153,7 +154,7 @@ def _tested(points: Points, wall: TransparentWall) -> Points:
 
 def _passed_points(wall: TransparentWall, tree: MirrorTree) -> Points:
     """The echoes that passed through a wall, as points in line of sight."""
-    chain = next((chain_name(node.chain) for node in tree.mirrors if node.line is wall.mirror), "?")
+    chain = next((chain_name(node.chain) for node in tree.mirrors if node.mirror is wall.mirror), "?")
     return Points.of(wall.echoes, wall.place, passed=wall.probability, wall=chain, decided=wall.decided)
 
 

@@ -8,11 +8,11 @@ import matplotlib.patheffects as patheffects
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.arguments import boolean, in_message, number, wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.io.plans import as_plan
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
     from mirrorfold.scenes.solids import Scene3D
 
-Array = NDArray[np.float64]
 Extent = tuple[float, float, float, float]
 
 CURVE_STEP = 0.005

@@ -41,10 +41,10 @@ def _sections(vertices: Array, faces: Index) -> list[Array]:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle, up = 0.5 * (low + high), np.array([0.0, 0.0, 1.0])
     planes = [(low + share * (high - low), up) for share in LEVELS] + [(middle, axis) for axis in np.eye(3)[:2]]
-    return [line for point, normal in planes for line in joined(cut_triangles(vertices, faces, point, normal))]
+    return [line for point, normal in planes for line in as_polylines(cut_triangles(vertices, faces, point, normal))]
 
 
-def joined(segments: Array) -> list[Array]:
+def as_polylines(segments: Array) -> list[Array]:
     """Join line segments (n, 2, d) [m] to polylines where their ends coincide to a micrometre."""
     size = segments.shape[-1]
     points, number = np.unique(np.round(segments.reshape(-1, size), 6), axis=0, return_inverse=True)

@@ -7,16 +7,14 @@ from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator
 from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.polylines import meets_itself
+from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes import materials
 from mirrorfold.scenes.arrays import STRICT, AnyAngle, NonNegativeLength, Point2, PositiveLength
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

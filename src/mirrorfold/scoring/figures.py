@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.records import Number, Record, fact
-
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 CELL = 0.01
 """Edge [m] of the square or cubic cells in which points are thinned: half of `NEAR`, so that the mean of a cell is

@@ -7,10 +7,11 @@ from functools import lru_cache
 import numpy as np
 
 from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.types import Array
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.visibility import BOUNCES, CHORD, STRAIGHT, facets, visible_truth
 from mirrorfold.scoring.mirrors import Face
-from mirrorfold.scoring.truth import Array, Truth
+from mirrorfold.scoring.truth import Truth
 
 TRUTH_SPACING = 0.002
 """Spacing of the samples of true surfaces [m]: a tenth of the distance of a good point."""

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import arc_through, circle_through, mirror_places
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
-
-Array = NDArray[np.float64]
+from mirrorfold.common.types import Array
 
 MIRROR_ANGLE_DEG, MIRROR_OFFSET = 10.0, 0.10
 """A detected mirror belongs to a true face that it agrees with to this angle [degree] and distance [m]: far more than
-the errors of a good fit, and less than the differences between the faces of most rooms."""
+the errors of a good fit, and less than the differences between the faces of most rooms. Both are those of rooms, not of
+the radar: what is told as an error of a fine radar is still found, and a mirror that a coarse one misplaces by more is
+none of a room's faces."""
 
 
 class MirrorError(Record):

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.arguments import whole_number, wrong_kind
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import pick_frame
@@ -26,7 +27,7 @@ from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
 from mirrorfold.scoring.transparent import panes, side_shares
-from mirrorfold.scoring.truth import Array, Mask, Truth
+from mirrorfold.scoring.truth import Truth
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D

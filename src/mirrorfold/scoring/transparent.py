@@ -17,16 +17,15 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import permittivity
 from mirrorfold.scenes.visibility import CHORD, facets
+from mirrorfold.scoring.floor_plans import TRUTH_SPACING
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
 
 NEAR = 0.06
 """An echo is that of an object, or of a mirror image of one, if that is within this distance [m] of the echo: twice the
-delay of a thick pane."""
-
-SPACING = 0.002
-"""Spacing of the samples of surfaces [m]."""
+delay of a thick pane. The delay belongs to the wall, whatever the radar. Echoes of a radar whose resolution cell is
+larger stray by more; those that do are not judged."""
 
 NEEDED = {"x_initial", "y_initial", "surface", "chain"}
 """Columns of points that are needed; reconstructions by other methods may lack them."""
@@ -102,7 +101,7 @@ def walls_of_plan(scene: Scene, places: Array) -> WallImages | None:
     None if there is no such wall, or no other surface.
     """
     walls = [surface for surface in scene.surface if getattr(surface, "thickness", None) is not None]
-    others = [surface.sample(SPACING)[0] for surface in scene.surface if surface not in walls]
+    others = [surface.sample(TRUTH_SPACING)[0] for surface in scene.surface if surface not in walls]
     if not walls or not others:
         return None
     objects = np.concatenate(others)

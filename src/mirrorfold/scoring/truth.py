@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Index = NDArray[np.int64]
+from mirrorfold.common.types import Array, Index, Mask
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class Truth:
         """
         index = np.arange(len(self.place)) if of is None else np.flatnonzero(of)
         if not len(index) or not len(points):
-            return np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+            return np.full(len(points), np.inf), np.zeros(len(points), dtype=np.intp)
         distance, nearest = cKDTree(self.place[index]).query(points)
         nearest = index[nearest]
         across = np.abs(np.einsum("nd,nd->n", points - self.place[nearest], self.normals[nearest]))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import compress
 from typing import NamedTuple
 
@@ -165,6 +165,7 @@ def with_rows(
         The result with the rows that are mirrors; these rows, with those of `besides`; and the rejected rows.
     """
     proved, every_row, first = list[Mirror](), list[Mirror](), found
+    find_echoes = lru_cache(1)(lambda *curved: steps.find_echoes(through=curved))  # flat mirrors dim nothing
     for _ in range(2):
         known = [*besides, *proved]
         new = [row for row in proposed(found, view) if not any(overlap(row, other) for other in known)]
@@ -172,7 +173,7 @@ def with_rows(
         trial, tried = [*proved, *new], found
         while len(trial) > len(proved):
             every = [*besides, *trial]
-            echoes = steps.find_echoes(through=every)
+            echoes = find_echoes(*(mirror for mirror in every if mirror.curved))
             kept = [row for row in trial if filled_cells(view, echoes.take(selected(view, echoes, row))) >= fewest]
             places = known_places(first, view, every)
             mirrors = [*_flat_besides(found, every, view), *every]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, View
@@ -102,7 +103,7 @@ def hiding_levels(objects: Echoes, view: View) -> Array:
     with speckle are fainter than f times the mean intensity. Fades that are as rare as one cell's by `CLEAR_DB`, one in
     a hundred, are 10 dB for two cells, 6 dB for three and 4 dB for four.
     """
-    own = 10.0 ** (CLEAR_DB / 20.0) * objects.amplitude
+    own = ratio_of(CLEAR_DB) * objects.amplitude
     number = object_numbers(view, objects.range, objects.direction)
     brightest = brightest_of(number, objects.amplitude)
     filled = np.unique(np.column_stack([number, np.rint(view.in_cells(objects.position))]), axis=0)[:, 0]

@@ -19,8 +19,8 @@ class MirrorTree:
 
     Attributes
     ----------
-    line : Mirror or None
-        The mirror, in the coordinates of the unfolded image; a plane in space. None for the root.
+    mirror : Mirror or None
+        The mirror, straight or curved, where the unfolded image shows it. None for the root.
     face : Echoes
         Echoes of the mirror's own surface, moved onto it.
     objects : Echoes
@@ -31,17 +31,22 @@ class MirrorTree:
         Index of each mirror among its parent's `mirrors`, from the root to this node; empty for the root.
     """
 
-    line: Mirror | None
+    mirror: Mirror | None
     face: Echoes
     objects: Echoes
     mirrors: tuple[MirrorTree, ...] = ()
     chain: Chain = ()
 
+    @property
+    def line(self) -> Mirror | None:
+        """Earlier name of `mirror`, as in the publication, where all mirrors are lines; deprecated."""
+        return self.mirror
+
     def walk(self) -> Iterator[MirrorTree]:
         """Yield this node and all below it, depth first."""
         yield self
-        for mirror in self.mirrors:
-            yield from mirror.walk()
+        for node in self.mirrors:
+            yield from node.walk()
 
     @property
     def generation(self) -> int:
@@ -61,8 +66,8 @@ class MirrorTree:
         """For the chain of every node of this tree: the mirrors of the chain, the node's own mirror last."""
         result: dict[Chain, tuple[Mirror, ...]] = {(): ()}
         for node in self.walk():
-            if node.line is not None:
-                result[node.chain] = (*result[node.chain[:-1]], node.line)
+            if node.mirror is not None:
+                result[node.chain] = (*result[node.chain[:-1]], node.mirror)
         return result
 
     def errors(self) -> dict[Chain, tuple[float, float]]:
@@ -72,12 +77,12 @@ class MirrorTree:
         of all mirrors on the way add to a mirror's own; they are independent, and their squares add.
         """
         result: dict[Chain, tuple[float, float]] = {}
-        for chain, (*way, line) in ((chain, way) for chain, way in self.mirrors_by_chain().items() if way):
-            angle = line.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
-            covariance, normal = place_covariance(line.center[None], way)[0], line.normal
+        for chain, (*way, last) in ((chain, way) for chain, way in self.mirrors_by_chain().items() if way):
+            angle = last.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
+            covariance, normal = place_covariance(last.center[None], way)[0], last.normal
             for mirror in reversed(way):
-                normal = _reflection_matrices(mirror, line.center[None])[0] @ normal
-            offset = line.offset_error**2 + float(normal @ covariance @ normal)
+                normal = _reflection_matrices(mirror, last.center[None])[0] @ normal
+            offset = last.offset_error**2 + float(normal @ covariance @ normal)
             result[chain] = float(np.sqrt(angle)), float(np.sqrt(offset))
         return result
 
@@ -87,16 +92,16 @@ class MirrorTree:
 
     def _plain(self) -> dict[str, object]:
         line = None
-        if self.line is not None:
-            line = dict(zip(("start", "end"), self.line.ends.tolist(), strict=True), strength=self.line.strength)
-            if self.line.curved:
-                line |= {"middle": self.line.center.tolist(), "curvature": self.line.curvature}
-            line |= {"angle_error_deg": self.line.angle_error, "offset_error_m": self.line.offset_error}
+        if self.mirror is not None:
+            line = dict(zip(("start", "end"), self.mirror.ends.tolist(), strict=True), strength=self.mirror.strength)
+            if self.mirror.curved:
+                line |= {"middle": self.mirror.center.tolist(), "curvature": self.mirror.curvature}
+            line |= {"angle_error_deg": self.mirror.angle_error, "offset_error_m": self.mirror.offset_error}
         return {
             "chain": list(self.chain),
             "line": line,
             "objects": len(self.objects),
-            "mirrors": [mirror._plain() for mirror in self.mirrors],
+            "mirrors": [node._plain() for node in self.mirrors],
         }
 
     def _repr_html_(self) -> str:
@@ -106,8 +111,8 @@ class MirrorTree:
     def __repr__(self) -> str:
         rows = []
         for node in self.walk():
-            what = "radar" if node.line is None else f"mirror {'/'.join(map(str, node.chain))}"
-            size = "" if node.line is None else f", {node.line.size:.2f} m"
+            what = "radar" if node.mirror is None else f"mirror {'/'.join(map(str, node.chain))}"
+            size = "" if node.mirror is None else f", {node.mirror.size:.2f} m"
             rows.append(f"{'  ' * node.generation}{what}{size}: {len(node.objects)} object echoes")
         return "\n".join(rows)
 

@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.mirrors.mirror import faces
@@ -61,7 +62,7 @@ def find_short(
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
     """Echoes behind a row that outshine its median by `OUTSHINES_DB`, only the brightest within a cell, (n,)."""
-    level = 10.0 ** (OUTSHINES_DB / 20.0) * row.strength
+    level = ratio_of(OUTSHINES_DB) * row.strength
     which = np.flatnonzero(behind(view, echoes, row) & (echoes.amplitude > level))
     which = which[np.argsort(-echoes.amplitude[which])]
     place, found = view.in_cells(echoes.position[which]), np.zeros(len(echoes), dtype=bool)

@@ -11,7 +11,7 @@ from synthetic import WAVELENGTH, empty_view
 from mirrorfold.common.geometry import turned
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.search.arcs import fitted_circle
-from mirrorfold.detection.search.joined import beside, joined
+from mirrorfold.detection.search.joined import beside, fitted_together
 
 VIEW = replace(empty_view(), wavelength=WAVELENGTH)
 
@@ -59,7 +59,7 @@ def test_halves_share_their_joint_and_tangent_and_are_closer_to_the_truth():
     apart, together = [], []
     for seed in range(60):
         halves, measured = s_wall(seed)
-        found = joined(halves, measured, VIEW)
+        found = fitted_together(halves, measured, VIEW)
         assert found is not None
         ends = np.linalg.norm(found[0].ends[:, None] - found[1].ends[None], axis=2)
         assert ends.min() < 1e-9
@@ -76,16 +76,16 @@ def test_halves_share_their_joint_and_tangent_and_are_closer_to_the_truth():
 def test_standard_errors_are_those_of_many_draws():
     off = []
     for seed in range(60):
-        found = joined(*s_wall(seed), VIEW)
+        found = fitted_together(*s_wall(seed), VIEW)
         off += [(1.0 / arc.radius - 1.0 / true) / arc.curvature_error for arc, true in zip(found, RADII, strict=True)]
     assert 0.6 < np.sqrt(np.mean(np.square(off))) < 2.0
 
 
 def test_walls_that_meet_with_a_kink_are_no_smooth_curve():
-    assert joined(*s_wall(0, kink=np.radians(15.0)), VIEW) is None
+    assert fitted_together(*s_wall(0, kink=np.radians(15.0)), VIEW) is None
 
 
 def test_a_curve_that_is_turned_and_shifted_is_the_same_curve():
-    first, second = (joined(*s_wall(1, **moved), VIEW) for moved in ({}, {"turn": 0.3, "shift": 0.2}))
+    first, second = (fitted_together(*s_wall(1, **moved), VIEW) for moved in ({}, {"turn": 0.3, "shift": 0.2}))
     for one, other in zip(first, second, strict=True):
         assert one.radius == pytest.approx(other.radius, rel=1e-4)

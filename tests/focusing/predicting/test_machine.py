@@ -35,6 +35,16 @@ def test_the_machine_is_measured_once_and_kept(tmp_path, monkeypatch):
     assert len(measured) == 2
 
 
+def test_a_measurement_holds_for_the_number_of_cores_that_were_timed_at_once(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    measured = []
+    for cores in (2, 2, 64):
+        monkeypatch.setattr(machine, "cpu_count", lambda cores=cores: cores)
+        monkeypatch.setattr(machine, "measure", lambda cores=cores: measured.append(cores) or counted_machine())
+        machine.machine.__wrapped__()
+    assert measured == [2, 64]
+
+
 def test_a_home_that_cannot_be_written_does_no_harm(tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("no folder")

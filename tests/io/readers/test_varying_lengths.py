@@ -8,9 +8,9 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
-from mirrorfold.io.readers import hdf5_varying
+from mirrorfold.io.readers import hdf5, hdf5_varying
 from mirrorfold.io.readers.hdf5 import check_netcdf
-from mirrorfold.io.readers.hdf5_varying import Budget, RefusedError, varies
+from mirrorfold.io.readers.hdf5_varying import OBJECT_BYTES, Budget, RefusedError, varies
 
 LONG, MANY = 100_000, 2000
 """Letters of the text that is shared, and how often: 200 MB, of a file of 130 kB."""
@@ -61,12 +61,20 @@ def test_an_attribute_of_texts_that_share_a_place_is_refused(tmp_path, place):
         check_netcdf(saved)
 
 
+def taken(path):
+    """Memory that the texts and rows of a file take, as its check counts it [bytes]."""
+    return hdf5._checked(str(path), path.stat().st_mtime_ns, path.stat().st_size)["varying"]
+
+
 def test_texts_and_rows_of_usual_length_are_read(saved):
+    before = taken(saved)
     with h5py.File(saved, "a") as file:
         file["names"] = np.array([["a", "b"], ["c", "d"]], dtype=object)
         file.attrs["authors"] = np.array(["A", "B"], dtype=object)
         file.create_dataset("rows", (3,), h5py.vlen_dtype("f8"))[1] = np.arange(5.0)
     check_netcdf(saved)
+    added = 6 * (OBJECT_BYTES + 1) + 5 * np.dtype("f8").itemsize
+    assert added <= taken(saved) - before < 2 * added
 
 
 def test_rows_are_counted_and_what_is_read_adds_up(tmp_path, monkeypatch):

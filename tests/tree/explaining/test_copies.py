@@ -96,6 +96,6 @@ def test_the_radar_does_not_take_itself_for_an_object_or_a_mirror():
     object.__setattr__(known, "wavelength", 1e-3)
     tree, _ = build_tree(find_ridges(known), known, minimum_length=0.12)
     assert [node.chain for node in tree.walk()] == [(), (0,)]
-    (mirror,) = tree.mirrors
-    folded = mirror.line.reflection(mirror.objects.position)
+    (node,) = tree.mirrors
+    folded = node.mirror.reflection(node.objects.position)
     assert np.linalg.norm(folded - [0.25, 0.6], axis=1).max() < 2.0 * RANGE_CELL

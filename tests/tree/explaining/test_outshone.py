@@ -57,7 +57,7 @@ def test_a_glint_that_some_of_the_pairs_see_is_no_ring_of_objects(below, count, 
     """Of lobes that few pairs see, the ends and what stands beside them in range are told in part."""
     objects = mf.fold(glint_image(seen_below=below))["objects"].to_dataset(inherit=False)
     away = np.hypot(objects["x_initial"] - GLINT[0], objects["y_initial"] - GLINT[1]).values > 0.1
-    assert np.count_nonzero(away) == pytest.approx(count, abs=150)
+    assert np.count_nonzero(away) == pytest.approx(count, abs=150 if count else 0)
     told = (objects["explanation"].values == OUTSHONE)[away]
     assert np.count_nonzero(~told) <= missed
     doubted = (objects["confidence"].values < 0.5)[away]

@@ -61,7 +61,7 @@ def find(*others, objects):
 
     found = again(echoes=echoes)
     (node,) = [
-        node for node in found.tree.mirrors if np.allclose(np.sort(node.line.ends, axis=0), np.sort(WALL, axis=0))
+        node for node in found.tree.mirrors if np.allclose(np.sort(node.mirror.ends, axis=0), np.sort(WALL, axis=0))
     ]
     return found, node, view, again
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mirrorfold.common.geometry import turned, unit_or_zero
+from mirrorfold.common.geometry import circle_crossings, turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.curved import dimming, fit_covariance
@@ -21,8 +21,9 @@ from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 
-END_CELLS = 0.5
-"""Length, in resolution cells, that profiles leave out at either end of an arc, where cells are half filled."""
+END_CELLS, END_SHARE = 0.5, 0.1
+"""Length, in resolution cells, that profiles leave out at either end of an arc, where cells are half filled; but at
+most the share `END_SHARE` of its length, so that most of a short arc is left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class ArcMirror(Mirror):
 
     @property
     def size(self) -> float:
-        """Length of the arc [m]."""
+        """Length of the arc [m], which is more than the distance between its ends."""
         return self.length
 
     @property
@@ -130,11 +131,8 @@ class ArcMirror(Mirror):
         """Range [m] at which lines of sight (n, 2) meet the circle, NaN where they miss it: its near side if it is
         convex, its far side if it is concave.
         """
-        offset = self.radar - self.middle
-        nearest = -(sight @ offset)
-        with np.errstate(invalid="ignore"):
-            half = np.sqrt(nearest**2 - (offset @ offset - self.radius**2))
-        return np.asarray(nearest - half if self.convex else nearest + half)
+        near, far = circle_crossings(self.radar - self.middle, sight, self.radius)
+        return near if self.convex else far
 
     def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
         """Range [m] at which each direction meets the arc, (nu,); infinite where it does not."""
@@ -195,7 +193,7 @@ class ArcMirror(Mirror):
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
         """Places in equal steps along the arc, without its ends, (n, 2) [m]."""
-        left_out = min(END_CELLS * view.cell_at(self.center), 0.1 * self.length)
+        left_out = min(END_CELLS * view.cell_at(self.center), END_SHARE * self.length)
         count = max(8, int(self.length / (SPACING * view.range_cell)))
         return self.at(np.linspace(left_out, self.length - left_out, count))
 

@@ -11,14 +11,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
 
-LARGEST_DIMMING = 10.0 ** (30.0 / 20.0)
+LARGEST_DIMMING = ratio_of(30.0)
 """Largest factor by which mirrors are taken to dim amplitudes, 30 dB: weaker echoes cannot be told from multiple
 scattering, which starts 15 dB below echoes that were scattered once."""
+
+SAME_ROW = 0.1
+"""Two rows are the same if the middle of one lies on the other, or beside it by at most this share of the other's size.
+A line and an arc over the same echoes differ in the middle by the bulge of the arc: by so much if it turns by 45
+degrees."""
 
 
 def last_curved(way: Sequence[Mirror]) -> Mirror | None:
@@ -90,5 +96,5 @@ def on_rows(rows: Sequence[Mirror], view: View, echoes: Echoes) -> Mask:
 
 
 def overlap(row: Mirror, other: Mirror) -> bool:
-    """Whether the middle of one row or sheet lies on the other, within a tenth of its size."""
-    return bool(other.holds(row.center[None], 0.1 * other.size, 0.0)[0])
+    """Whether the middle of one row or sheet lies on the other, to within `SAME_ROW`."""
+    return bool(other.holds(row.center[None], SAME_ROW * other.size, 0.0)[0])

@@ -124,7 +124,7 @@ class Mirror(ABC):
 
     @property
     def size(self) -> float:
-        """Distance between its ends [m]."""
+        """Distance between its ends [m]; of an arc, its length."""
         return float(np.linalg.norm(self.ends[1] - self.ends[0]))
 
     def columns(self, fold: Fold) -> dict[str, Any]:
@@ -160,10 +160,10 @@ class Mirror(ABC):
         return Isometry.reflection(self.center, self.normal)
 
     def displacement_covariance(self, places: Array) -> Array:
-        """Covariance (n, d, d) [m^2] of places (n, d) fixed to the mirror, from the standard errors of its fit.
+        """Covariance (n, d, d) [m^2] of half the displacement of the mirror images of places (n, d).
 
-        These places move and turn with the mirror; images in the mirror move by twice as much. A given mirror, whose
-        errors are NaN, is taken to be exact.
+        The displacement is caused by the errors of offset and angle. For a place on the face itself, half of it is the
+        displacement of the face. A given mirror, whose errors are NaN, is taken to be exact.
         """
         offset, angle = places - self.center, float(np.nan_to_num(np.radians(self.angle_error)))
         square = np.nan_to_num(self.offset_error) ** 2 * np.outer(self.normal, self.normal)
@@ -205,10 +205,12 @@ class ChainFold:
     """
 
     STEP = 1e-5
-    """Length [m] over which the map is differentiated."""
+    """Length over which the map is differentiated, as a share of the smallest radius: about the cube root of the
+    rounding of numbers, at which rounding and bending spoil a difference of both sides least."""
 
     def __init__(self, way: Sequence[Mirror]) -> None:
         self.way = tuple(way)
+        self.step = self.STEP * min((1.0 / abs(mirror.curvature) for mirror in way if mirror.curved), default=1.0)
 
     def __call__(self, points: Array) -> Array:
         """Map points (..., d) [m] of the image."""
@@ -221,8 +223,8 @@ class ChainFold:
 
     def turn(self, points: Array) -> Array:
         """Derivative of the map at points (n, d), (n, d, d)."""
-        steps = self.STEP * np.eye(points.shape[1])
-        return np.stack([(self(points + step) - self(points - step)) / (2.0 * self.STEP) for step in steps], axis=2)
+        steps = self.step * np.eye(points.shape[1])
+        return np.stack([(self(points + step) - self(points - step)) / (2.0 * self.step) for step in steps], axis=2)
 
 
 Fold = Isometry | ChainFold

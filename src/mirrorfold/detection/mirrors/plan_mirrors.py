@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.arcs import Arc, as_three_points
-from mirrorfold.common.geometry import crossing, reflect, segment_normal
+from mirrorfold.common.geometry import circle_crossings, crossing, reflect, segment_normal
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL, ImageView
@@ -108,12 +108,9 @@ def _met(view: ImageView, walls: Array, curves: Array, columns: Index) -> Array:
         range_, along = crossing(view.radar, view.radar + sight, *wall)
         rows.append(np.where((along >= 0.0) & (along <= 1.0), range_, np.inf))
     for arcs in _circles(curves):
-        towards, radius = arcs[0].center - view.radar, arcs[0].radius
-        nearest = sight @ towards
-        with np.errstate(invalid="ignore"):
-            half = np.sqrt(nearest**2 + radius**2 - towards @ towards)
-        for range_ in (nearest - half, nearest + half):
-            offset = range_[:, None] * sight - towards
+        center = arcs[0].center
+        for range_ in circle_crossings(view.radar - center, sight, arcs[0].radius):
+            offset = view.radar + range_[:, None] * sight - center
             angle = np.arctan2(offset[:, 1], offset[:, 0])
             on_one = [(angle - arc.first) * np.sign(arc.turn) % (2.0 * np.pi) <= abs(arc.turn) for arc in arcs]
             rows.append(np.where(np.any(on_one, axis=0), range_, np.inf))

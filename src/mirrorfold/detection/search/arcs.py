@@ -30,7 +30,7 @@ from mirrorfold.detection.search.fit import (
     robust_weights,
 )
 from mirrorfold.detection.search.growing import CLIP, drawn
-from mirrorfold.detection.search.joined import joined
+from mirrorfold.detection.search.joined import fitted_together
 from mirrorfold.detection.search.lines import LOBE
 from mirrorfold.detection.search.rows import heaviest_row, longest_run
 from mirrorfold.detection.views.image_view import ImageView
@@ -85,8 +85,13 @@ DARK = 0.1
 FEWEST, PASSES = 6, 3
 """Least number of echoes of an arc; and largest number of searches, each among the echoes that lie on no arc yet."""
 
-REFINEMENTS = 10
-"""Largest number of fits of an arc, each to the part of its row that lies close to the fit before."""
+REFINEMENTS, SETTLED_CELLS = 10, 0.1
+"""Largest number of fits of an arc, each to the part of its row that lies close to the fit before. They stop when both
+ends of the arc move by less than `SETTLED_CELLS` range cells, less than centroids of power may stray from it."""
+
+LEAST_STEP = 1e-6
+"""Least distance of neighbouring centroids along an arc, in range cells, by which an average over them is divided: so
+that centroids at one place make no endless average. Usual ones are `line_mirror.SPACING` apart."""
 
 SAMPLES = 181
 """Number of places along an arc at which its distance from other arcs, and its angle to the radar, are computed."""
@@ -197,7 +202,9 @@ class _Arcs:
     def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
         """Two arcs, fitted together as the halves of one smooth curve; None if they are not, or become implausible."""
         measured = self._centroids(one), self._centroids(other)
-        halves = joined((one, other), measured, self.view) if all(len(points) for points, _ in measured) else None
+        halves = (
+            fitted_together((one, other), measured, self.view) if all(len(points) for points, _ in measured) else None
+        )
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
@@ -315,7 +322,7 @@ class _Arcs:
                 return None
             before = facing.ends
             arc = self._part_on_row(replace(facing, middle=middle, radius=radius), before)
-            if np.linalg.norm(arc.ends - before, axis=1).max() < 0.1 * self.view.range_cell:
+            if np.linalg.norm(arc.ends - before, axis=1).max() < SETTLED_CELLS * self.view.range_cell:
                 break
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
@@ -347,7 +354,8 @@ class _Arcs:
         if not len(points):
             return circle.part(first, last)
         along = wider.along(points)
-        window = max(1, round(SMOOTH_CELLS * self.view.cell_at(circle.center) / max(np.median(np.diff(along)), 1e-9)))
+        step = max(np.median(np.diff(along)), LEAST_STEP * self.view.range_cell)
+        window = max(1, round(SMOOTH_CELLS * self.view.cell_at(circle.center) / step))
         beside = uniform_filter1d(weight * wider.beside(points), window) / uniform_filter1d(weight, window)
         # Beyond the end of a row there is hardly any power.
         bright = uniform_filter1d(np.sqrt(self.view.power_at(*self.view.to_polar(points))), window)

@@ -14,6 +14,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
@@ -40,7 +41,7 @@ CONTRAST = 2.7
 ray scenes; in full waves 13 or more, but for one case of 3.1, where wrapped echoes fill one side. On lines that halve
 the angle between two walls by chance it was at most 2.3."""
 
-FADED = 10.0 ** (-20.0 / 20.0)
+FADED = ratio_of(-20.0)
 """Amplitude, relative to the median of the line, at which the line ends (20 dB), however little the image holds beside
 it: speckle fades by less."""
 
@@ -194,4 +195,4 @@ def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Arra
     places = mirror.start + np.linspace(0.0, mirror.length, count)[:, None] * mirror.direction
     across = np.outer(view.extent(places, mirror.normal), cells)
     points = places[:, None] + across[..., None] * mirror.normal
-    return np.sqrt(np.maximum(view.power_at(*view.to_polar(points)), 0.0))
+    return np.sqrt(view.power_at(*view.to_polar(points)))

@@ -33,7 +33,7 @@ Measured = tuple[Array, Array]
 """Centroids of power (n, 2) [m] across an arc, and their weights (n,)."""
 
 
-def joined(halves: Halves, measured: tuple[Measured, Measured], view: ImageView) -> Halves | None:
+def fitted_together(halves: Halves, measured: tuple[Measured, Measured], view: ImageView) -> Halves | None:
     """Two arcs fitted together, with a common end and tangent, to the centroids of power across them.
 
     None if they are no smooth curve.

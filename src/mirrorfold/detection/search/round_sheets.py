@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Index, Mask
@@ -53,10 +54,15 @@ is 0.32 to 0.45 for pillars and balls, because an echo is the mean of its cell, 
 share of its beams whose brightest echo lies off the surface: 0.01 at most for pillars and balls, 0.09 and more for
 bodies."""
 
-GLINT = 10.0 ** (12.0 / 20.0)
+GLINT = ratio_of(12.0)
 """Least amplitude of the glint of a mirror, relative to the median of its face: a surface that is smooth enough for a
 mirror returns a glint from where it faces the radar. The brightest of a thousand speckles exceeds the median by 10 dB,
 the glint of a pillar by 30 dB."""
+
+FLAT, SPREAD_CELLS = 0.25, 4.0
+"""Neighbours of an echo lie in a flat sheet if their variance across it is less than the share `FLAT` of the smaller
+one along it, so that they spread along it at least twice as far; and if their standard deviation is less than
+`SPREAD_CELLS` resolution cells, as neighbours farther apart are single echoes."""
 
 GRAZING = 0.3
 """Cosine of the largest angle of incidence, 72 degrees: beyond it an echo says little of the surface, because the beam
@@ -147,7 +153,7 @@ class _SheetSearch:
         normal *= -np.sign(np.sum(normal * sight, axis=1))[:, None]
         cell = np.asarray(view.cell(self.echoes.range))
         # The neighbours in a sheet spread along two directions; single echoes and thin strips tell no normal.
-        reliable = (size[:, 0] < 0.25 * size[:, 1]) & (size[:, 2] < (4.0 * cell) ** 2)
+        reliable = (size[:, 0] < FLAT * size[:, 1]) & (size[:, 2] < (SPREAD_CELLS * cell) ** 2)
         return normal, reliable
 
     def _proposed(self, free: Index) -> RoundSurface | None:

@@ -63,6 +63,14 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
 
 
+def outline_of(image: xr.DataArray) -> ImageView:
+    """`to_image_view` without the amplitudes, from the coordinates and attributes of the image alone: quick.
+
+    It tells where resolution cells lie and how large they are.
+    """
+    return _unsampled(image, None)[0]
+
+
 def samples_of(image: xr.DataArray) -> tuple[int, int]:
     """Number of ranges and directions of `to_image_view`, from the coordinates and attributes of the image alone."""
     view, _ = _unsampled(image, None)

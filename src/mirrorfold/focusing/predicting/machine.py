@@ -111,12 +111,13 @@ def machine() -> Machine:
 
 
 def _identity() -> list[str]:
-    """Machine and versions for which a measurement holds."""
+    """Machine, number of its cores that this process may use, and versions, for which a measurement holds."""
     model = ""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
-    return [str(VERSION), platform.machine(), platform.processor(), model, np.__version__, numba.__version__]
+    of_machine = platform.machine(), platform.processor(), model, str(cpu_count())
+    return [str(VERSION), *of_machine, np.__version__, numba.__version__]
 
 
 def measure() -> Machine:

@@ -291,7 +291,10 @@ def angle_table(angle: Array) -> Array:
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")
 def at_point(amplitude, a, e, k):  # type: ignore[no-untyped-def]
-    """Trilinear interpolation of an amplitude (azimuth, elevation, range) at fractional indices; zero outside."""
+    """Trilinear interpolation of an amplitude (azimuth, elevation, range) at fractional indices.
+
+    Zero outside, and from the last sample of each axis on, behind which there is none to interpolate with.
+    """
     if not (a >= 0.0 and e >= 0.0 and k >= 0.0):
         return np.float32(0.0)
     i, j, n = int(a), int(e), int(k)

@@ -14,6 +14,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import mirrorfold as mf
+from mirrorfold.common.decibels import to_db
 from mirrorfold.plotting import volumes as plot_volume
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts import bodies
@@ -216,7 +217,7 @@ def _hidden_figure(body: Folded, view: Facing, scene: Scene3D) -> Figure:
         plot_volume.draw_silhouette(front, scene, body.place[outline], view.middle, view.right, columns, rows)
     front.set(title="from the mirror image of the radar", xlabel="across [m]", ylabel="height z [m]", aspect="equal",
               facecolor="0.92")  # fmt: skip
-    level = np.clip(20.0 * np.log10(amplitude / reference), FRONT_DB, 0.0)
+    level = np.clip(to_db(amplitude / reference), FRONT_DB, 0.0)
     order = np.argsort(level)
     top.scatter(*place[order, :2].T, c=level[order], s=9, cmap="inferno", vmin=FRONT_DB, vmax=0.0, linewidths=0)
     plot_volume.scene(scene, top)

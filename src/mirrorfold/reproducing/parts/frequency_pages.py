@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from mirrorfold.describing.quality import NEAR_M, WIDE_M
 from mirrorfold.reproducing.findings import Table
 from mirrorfold.reproducing.parts.quality_table import MIRRORED_EDGES_DB
+from mirrorfold.scoring.figures import NEAR, WIDE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +105,7 @@ def collapse(rows: Sequence[Row], table: dict[str, Any]) -> Figure:
     used = [row["mirrored_db"] >= MIRRORED_EDGES_DB[-1] for row in rows]
     left.scatter([row["wall_cells"] for row in rows], [row["shown"] + j for row, j in zip(rows, jitter, strict=True)],
                  s=7, c=["0.6" if ok else "#D55E00" for ok in used])  # fmt: skip
-    for colour, name, limit in ((COLOURS[0], "f_2cm", NEAR_M), (COLOURS[1], "f_5cm", WIDE_M)):
+    for colour, name, limit in ((COLOURS[0], "f_2cm", NEAR), (COLOURS[1], "f_5cm", WIDE)):
         seen = [row for row, ok in zip(rows, used, strict=True) if ok and row["shown"]]
         at = [limit / row["cell_m"] for row in seen]
         right.scatter(at, [row[name] for row in seen], s=7, color=colour, alpha=0.5, label=f"scenes, {SCORES[name]}")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mirrorfold.describing.quality import NEAR_CELLS, NEAR_M, WIDE_M
+from mirrorfold.scoring.figures import NEAR, WIDE, WITHIN_CELLS
 
 WALL_EDGES = (4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 21.0, 28.0, 40.0, 70.0, 120.0)
 """Edges of the classes of walls, by the length of the wall in resolution cells."""
@@ -52,16 +52,14 @@ def quality_table(rows: Sequence[Row], fewest: int = FEWEST) -> dict[str, Any]:
     used = [row for row in rows if row["mirrored_db"] >= MIRRORED_EDGES_DB[-1]]
     seen = [row for row in used if row["shown"] and row["f_cells"] > FOUND]
     found = _classes([(row["wall_cells"], float(row in seen)) for row in used], WALL_EDGES, fewest)
-    limits = [
-        (limit / row["cell_m"], row[name]) for row in seen for name, limit in (("f_2cm", NEAR_M), ("f_5cm", WIDE_M))
-    ]
+    limits = [(limit / row["cell_m"], row[name]) for row in seen for name, limit in (("f_2cm", NEAR), ("f_5cm", WIDE))]
     close = _classes(limits, LIMIT_EDGES, fewest)
     in_cells = np.array([row["f_cells"] for row in seen] or [0.0])
     return {
         "found": found,
         "close": close,
         "close_in_cells": {
-            "at": NEAR_CELLS,
+            "at": WITHIN_CELLS,
             "mean": round(float(in_cells.mean()), 4),
             "standard_error": round(float(in_cells.std() / max(len(in_cells) - 1, 1) ** 0.5), 4),
         },

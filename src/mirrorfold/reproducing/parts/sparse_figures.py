@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 import mirrorfold as mf
+from mirrorfold.common.decibels import ratio_of, to_db
 from mirrorfold.folding.confident import confident_points
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def draw_example(example: dict[str, xr.DataTree], scene: Scene) -> Figure:
     for column, name in enumerate(names):
         picture = example[name]["initial"].to_dataset()["initial"]
         above, below = axes[:, column]
-        level = 20.0 * np.log10(np.maximum(picture.values / picture.values.max(), 10.0 ** (FLOOR_DB / 20.0)))
+        level = to_db(np.maximum(picture.values / picture.values.max(), ratio_of(FLOOR_DB)))
         x, y = picture["x"].values, picture["y"].values
         shown = above.imshow(
             level, extent=(x[0], x[-1], y[0], y[-1]), origin="lower", vmin=FLOOR_DB, vmax=0.0, cmap="magma",

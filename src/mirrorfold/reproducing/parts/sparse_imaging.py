@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
 import mirrorfold as mf
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Mask
 
 Samples = NDArray[np.complex64]
@@ -175,7 +176,7 @@ def sparse_reflectivity(measurement: Measurement, y: Samples, iterations: int) -
         v = operator.rmatvec(operator.matvec(v))
         largest = float(np.linalg.norm(v))
         v = v / np.float32(largest)
-    threshold = 10.0 ** (LEVEL_DB / 20.0) * float(np.abs(operator.rmatvec(y)).max())
+    threshold = ratio_of(LEVEL_DB) * float(np.abs(operator.rmatvec(y)).max())
     # PyLops minimises twice our cost.
     x, _, cost = fista(
         pylops.aslinearoperator(operator), y, niter=iterations, eps=2.0 * threshold, alpha=STEP_SHARE / largest, tol=0.0

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.memory import available_memory
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.windows import hann
@@ -209,7 +210,7 @@ def longest_strong_echo(scene: Scene) -> float:
     profile = np.abs(np.fft.ifft(s * hann(steps + 1)[:, None, None], axis=0)).max(axis=(1, 2))
     if not profile.any():
         return 0.0
-    strong = np.flatnonzero(profile > 10.0 ** (STRONG_DB / 20.0) * profile.max())
+    strong = np.flatnonzero(profile > ratio_of(STRONG_DB) * profile.max())
     # The last samples hold the spectral leakage of range zero, wrapped around.
     strong = strong[strong < steps - 2]
     return float(strong.max(initial=0) * speed_of_light / (2.0 * (steps + 1) * step))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array, Index
@@ -57,7 +58,7 @@ def specular_amplitude(
 ) -> NDArray[np.complex128]:
     """Amplitude reflection coefficient, (...): Fresnel's, reduced by roughness, `diffuse_fraction` and `loss_db`."""
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-    kept = np.sqrt(1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 20.0)
+    kept = np.sqrt(1.0 - finish.diffuse_fraction) * ratio_of(-finish.loss_db)
     coefficient = finish.substance.reflection(frequency, angle, polarization)
     return np.asarray(coefficient * _coherent(finish, frequency, angle) * kept)
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import beam_angles, beam_direction
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.common.threads import counted, for_each
@@ -88,7 +89,7 @@ def simulate_raster(
     leakage = scene.scanner.leakage
     if leakage is not None:
         phase = -4.0j * np.pi * scene.band.frequency / speed_of_light * leakage.range
-        sweep["s"].values[:] += (10.0 ** (leakage.level_db / 20.0) * np.exp(phase)).astype(np.complex64)[:, None, None]
+        sweep["s"].values[:] += (ratio_of(leakage.level_db) * np.exp(phase)).astype(np.complex64)[:, None, None]
     return sweep
 
 

@@ -25,7 +25,7 @@ BEHIND_AN_OBJECT = "would stand behind another object"
 NEIGHBOURS_CELLS = 0.75
 """Largest distance of two echoes of one unbroken surface, in resolution cells."""
 
-EDGE_CELLS = 0.5
+AROUND_PATH_CELLS = 0.5
 """A path passes through a surface if the surface reaches at least this many resolution cells to either side of the
 path: echoes of an edge lie up to half a cell beyond the edge, and an edge bends waves around it."""
 
@@ -115,7 +115,7 @@ def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: A
     for places, neighbours, brightest in surfaces:
         pieces = 1 + len(stands) * len(neighbours) // AT_ONCE
         for some in np.array_split(np.flatnonzero(amplitude <= brightest), pieces):
-            margin, edge = (share * cell[some, None] for share in (BEYOND_CELLS, EDGE_CELLS))
+            margin, edge = (share * cell[some, None] for share in (BEYOND_CELLS, AROUND_PATH_CELLS))
             along, beside = (axis[some] @ places.T - np.sum(axis[some] * leaves[some], axis=1)[:, None]
                              for axis in (ahead, aside))  # fmt: skip
             beside[(along < margin) | (along > length[some, None] - margin)] = np.nan

@@ -30,6 +30,10 @@ to the wall may be its own, and a mirror closer to it is the other leg of a corn
 INSIDE_CELLS = 1.0
 """Paths that pass through a wall cross it at least this many resolution cells inside of its ends."""
 
+SHORTEST_ROW_CELLS = 3.0
+"""Rows hide what is behind them if they are longer than this, in resolution cells: at least one cell is then left
+inside of both ends."""
+
 HIDDEN_CELLS = 1.5
 """A wall ends if the radar sees the place this many resolution cells beyond its end. If objects hide that place, the
 wall may go on."""
@@ -97,10 +101,13 @@ def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) ->
     if not isinstance(view, ImageView):
         return behind
     for row in rows:
-        cell = INSIDE_CELLS * view.cell_at(row.center)
+        cell = view.cell_at(row.center)
         range_, direction, _ = view.locate(row.center[None])
-        if isinstance(row, ArcMirror) and row.length > 3.0 * cell and sight.seen_through(range_, direction) == ROOT:
-            crossing = row.part(cell, row.length - cell).crossing(view)[objects.direction]
+        if not isinstance(row, ArcMirror) or row.length <= SHORTEST_ROW_CELLS * cell:
+            continue
+        if sight.seen_through(range_, direction) == ROOT:
+            end = INSIDE_CELLS * cell
+            crossing = row.part(end, row.length - end).crossing(view)[objects.direction]
             behind |= objects.range > crossing + view.object_depth(objects.range)
     return behind
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import label, maximum_filter
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection import Echoes, ImageView
@@ -119,7 +120,7 @@ def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin:
     wall begin at its face, at ranges `begin` (directions,) [m], and are twice as strong behind it.
     """
     # Delays at which even a copy of the strongest echo is weaker than all echoes can be skipped.
-    margin = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+    margin = ratio_of(SIDE_LOBE_MARGIN_DB)
     enough = echoes.amplitude.min(initial=np.inf) / (2.0 * margin * view.amplitude.max(initial=np.finfo(float).tiny))
     delays = np.flatnonzero(level > enough)
     copy_amplitude = np.zeros(len(echoes))

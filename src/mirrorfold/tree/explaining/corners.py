@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView, Mirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -20,7 +21,7 @@ from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, POINT
 from mirrorfold.tree.explaining.waves import SweepWaves
 
-BRIGHTER = 10.0 ** (16.0 / 20.0)
+BRIGHTER = ratio_of(16.0)
 """Least amplitude of a vertex relative to the median of a row that leads through it: it is at least 16 dB brighter than
 the edges of its legs."""
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Index
 from mirrorfold.detection import Echoes, fold_of
 from mirrorfold.detection.echoes import brightest_of
@@ -20,7 +21,7 @@ from mirrorfold.tree.ordering import Order
 BEHIND_CELLS = 1.5
 """Echoes at most this many range cells behind a mirror may be of the mirror itself."""
 
-FALLEN = 10.0 ** (-15.0 / 20.0)
+FALLEN = ratio_of(-15.0)
 """Amplitude, relative to the middle of a beam, to which a beam has fallen where echoes count as beside its object."""
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.search.side_lobes import RING_DEPTH, at_one_range, may_be_lobes
@@ -41,17 +42,17 @@ def outshone(objects: Echoes, view: ImageView) -> Mask:
     if not len(objects):
         return np.zeros(0, dtype=bool)
     level, brightest = view.brightest_at(objects.range)
-    found = np.asarray(objects.amplitude < level * 10.0 ** (-OUTSHONE_DB / 20.0))
+    found = np.asarray(objects.amplitude < level * ratio_of(-OUTSHONE_DB))
     aside = np.abs(view.u[objects.direction] - view.u[brightest])
     lobes = may_be_lobes(objects, view, level, aside) & (aside > RING_CELLS * view.u_cell)
-    found |= _in_rings(objects, view) & (objects.amplitude <= level * 10.0 ** (-RING_DB / 20.0))
+    found |= _in_rings(objects, view) & (objects.amplitude <= level * ratio_of(-RING_DB))
     row = view.row(objects.range)
     for i in np.flatnonzero(lobes & ~found):
         first, last = sorted((int(objects.direction[i]), int(brightest[i])))
         rows = slice(max(row[i] - SAMPLES_PER_CELL, 0), row[i] + SAMPLES_PER_CELL + 1)
         between = view.amplitude[rows, first : last + 1].max(axis=0)
         least = maximum_filter1d(between, SAMPLES_PER_CELL).min()
-        found[i] = least >= objects.amplitude[i] * 10.0 ** (-DARK_DB / 20.0)
+        found[i] = least >= objects.amplitude[i] * ratio_of(-DARK_DB)
     return found
 
 

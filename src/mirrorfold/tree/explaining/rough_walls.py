@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
@@ -28,14 +29,15 @@ BRIGHT = 0.9
 """Quantile of the amplitudes of a wall's face that bounds such echoes: what the wall scatters twice is weaker than what
 it scatters once. The quantile leaves out a few echoes of the face that may be glints."""
 
-OUTSHINES_DB, FADED_DB = 10.0, 30.0
+BRIGHTEST_SPECKLE_DB, FADED_DB = 10.0, 30.0
 """Largest level of such an echo over the median of the image where the other places of the wall would repeat the same
 object: a rough wall scatters from all of its places alike. The first number is for echoes beside the object's mirror
-image and hardly behind it: speckle outshines its mean by up to 10 dB. The second is for all others, as where speckle
-fades, its mean is up to 20 dB lower still. There is no limit for a corner: each of its legs is a mirror for those
-places that it looks at squarely."""
+image and hardly behind it: one speckle of a thousand exceeds the median by 10 dB, where one of sixteen exceeds it by
+the `OUTSHINES_DB` of `lines_of_sight`. The second is for all others, as where speckle fades, its mean is up to 20 dB
+lower still. There is no limit for a corner: each of its legs is a mirror for those places
+that it looks at squarely."""
 
-WEAKER_DB, APART_CELLS = -20.0, 2.0
+WEAKER_DB, FROM_IMAGE_CELLS = -20.0, 2.0
 """Largest level of such an echo over that of the object that it repeats; and its least distance from the object's
 mirror image, which has echoes of its own around it: in range cells behind the image, unless the echo lies in a row, or
 in resolution cells beside it."""
@@ -171,17 +173,17 @@ def _of_objects(
     view = order.sight.view
     # The path over the wall is shortest where it reflects the object. By all other places the object appears farther.
     image = in_image(order.mirrors_to(number), objects.places)
-    nearest, apart = np.linalg.norm(image - view.radar, axis=1), APART_CELLS * view.range_cell
+    nearest, apart = np.linalg.norm(image - view.radar, axis=1), FROM_IMAGE_CELLS * view.range_cell
     distance = np.linalg.norm(rough.places[:, None] - objects.places, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.depth_behind(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
-    beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= APART_CELLS
+    beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= FROM_IMAGE_CELLS
     later = echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
     found &= later | (beside & (echoes.range[:, None] >= nearest))
-    found &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * objects.level
+    found &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * objects.level
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
     usual = rough.median_amplitude(distance[:, some], far)
-    most = 10.0 ** (np.where(later[:, some], FADED_DB, OUTSHINES_DB) / 20.0) * usual
+    most = ratio_of(np.where(later[:, some], FADED_DB, BRIGHTEST_SPECKLE_DB)) * usual
     faint = echoes.amplitude[:, None] <= most
     legs = np.zeros(some.size, dtype=bool)
     if corners is not None:

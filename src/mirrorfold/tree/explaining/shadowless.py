@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.echoes import brightest_of
@@ -38,7 +39,7 @@ def levels_behind(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, v
         See `cast_no_shadow`.
     """
     outshone = np.where(
-        cast_no_shadow(objects, mirrors, crossing, view), 10.0 ** (OUTSHINES_DB / 20.0) * objects.amplitude, np.inf
+        cast_no_shadow(objects, mirrors, crossing, view), ratio_of(OUTSHINES_DB) * objects.amplitude, np.inf
     )
     return np.minimum(hiding_levels(objects, view), outshone)
 
@@ -75,7 +76,7 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     met = np.isfinite(nearest)
     shown = np.zeros(met.size)
     shown[met] = view.power_at(nearest[met], view.u[covered[met]])
-    usual = np.array([mirror.strength for mirror in mirrors])[first] * 10.0 ** (-UNDIMMED_DB / 20.0)
+    usual = np.array([mirror.strength for mirror in mirrors])[first] * ratio_of(-UNDIMMED_DB)
 
     def summed(values: Array) -> Array:
         """Sum of the values over the directions that each object covers, (objects,)."""

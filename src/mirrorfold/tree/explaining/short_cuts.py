@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
@@ -25,7 +26,7 @@ reflects, but the short cut is taken in both directions, which doubles the echo.
 ACROSS_CELLS = 1.5
 """Largest distance of the echo aside of the object, in resolution cells: both beams must meet the object."""
 
-APART_CELLS = 2.0
+FROM_IMAGE_CELLS = 2.0
 """Least distance of the echo from the object's image, in range cells: nearer echoes may be a part of the image."""
 
 
@@ -70,6 +71,6 @@ def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Ec
     with np.errstate(invalid="ignore"):
         made = np.abs(echoes.range[:, None] - 0.5 * (short + bright.range)) <= EXPECTED_CELLS * view.range_cell
     made &= np.abs(view.u[echoes.direction][:, None] - view.u[bright.direction]) <= ACROSS_CELLS * view.u_cell
-    made &= np.abs(echoes.range[:, None] - bright.range) >= APART_CELLS * view.range_cell
-    made &= echoes.amplitude[:, None] <= 10.0 ** (WEAKER_DB / 20.0) * bright.amplitude
+    made &= np.abs(echoes.range[:, None] - bright.range) >= FROM_IMAGE_CELLS * view.range_cell
+    made &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * bright.amplitude
     return np.asarray(made.any(axis=1))

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Chain, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.tree.assignment import Found
@@ -22,7 +23,7 @@ from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
 TO_AND_FRO = "went to and fro between an object and a wall"
 
-APART_CELLS = 1.0
+RESOLVED_CELLS = 1.0
 """Least distance, in range cells, of a place from the wall, and of an echo behind that place: nearer ones are not
 resolved."""
 
@@ -55,10 +56,10 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
         place, later, behind = _behind(objects[chain], stands, way, sight, number[chain])
         for wall in walls:
             away, beyond = square_distances(stands[place], wall)
-            met = (beyond <= view.cell(objects[chain].range[later])) & (away > APART_CELLS * view.range_cell)
+            met = (beyond <= view.cell(objects[chain].range[later])) & (away > RESOLVED_CELLS * view.range_cell)
             for turn, brighter in enumerate(BRIGHTER_DB, 1):
                 told = met & (np.abs(turn * away - behind) <= EXPECTED_CELLS * view.range_cell)
-                told &= objects[chain].amplitude[later] <= 10.0 ** (brighter / 20.0) * level[place]
+                told &= objects[chain].amplitude[later] <= ratio_of(brighter) * level[place]
                 marks[chain][later[told]] = True
     return marks
 
@@ -82,7 +83,7 @@ def _behind(
     place = np.repeat(shown[row], count)
     later = order[np.arange(count.sum()) + np.repeat(last - np.cumsum(count), count)]
     behind = echoes.range[later] - range_[place]
-    kept = behind > APART_CELLS * view.range_cell
+    kept = behind > RESOLVED_CELLS * view.range_cell
     return place[kept], later[kept], behind[kept]
 
 
@@ -93,6 +94,6 @@ def _brightest(echoes: Echoes, view: ImageView) -> Array:
     for number in np.unique(of_object):
         own = np.flatnonzero(of_object == number)
         own = own[np.argsort(echoes.range[own])]
-        last = np.searchsorted(echoes.range[own], echoes.range[own] + APART_CELLS * view.range_cell, "right")
+        last = np.searchsorted(echoes.range[own], echoes.range[own] + RESOLVED_CELLS * view.range_cell, "right")
         level[own] = np.maximum.accumulate(echoes.amplitude[own])[last - 1]
     return level

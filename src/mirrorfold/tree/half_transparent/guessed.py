@@ -52,18 +52,18 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
         All echoes of the view.
     full_pass : callable
     """
-    if any(node.line is not None and node.line.curved for node in found.tree.walk()):
+    if any(node.mirror is not None and node.mirror.curved for node in found.tree.walk()):
         return found
     folds, by_chain = found.tree.folds(), prolonged_where_hidden(found)
     transparent_walls = []
     for node in found.tree.mirrors:
-        if node.line is None or not len(node.objects):
+        if node.mirror is None or not len(node.objects):
             continue
         passed = passage(found, view, node, folds, by_chain)
         through = passed > UNDECIDED
         if through.any():
             seen, tested = node.objects.take(through), (node.objects.position, passed)
-            wall = TransparentWall(node.line, None, seen, seen.position, passed[through], *tested, BY_GEOMETRY)
+            wall = TransparentWall(node.mirror, None, seen, seen.position, passed[through], *tested, BY_GEOMETRY)
             transparent_walls.append(wall)
     return taken_out(found, transparent_walls, view, every, full_pass)
 
