@@ -185,7 +185,7 @@ def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[Trans
     units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
              "curvature": "1/m", "curvature_error": "1/m", "permittivity": "1", "permittivity_error": "1",
              **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
-    nodes = [(node, node.line) for node in tree.walk() if node.line is not None]
+    nodes = [(node, node.mirror) for node in tree.walk() if node.mirror is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
     any_overhang = any(any(mirror.overhang) for _, mirror in nodes)
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}

@@ -107,7 +107,7 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
 def multiply_by_mirrors(points: Points, tree: MirrorTree) -> None:
     """Multiply the confidence of points, in place, by that of the mirrors on their way, without which they are not."""
     for node in tree.walk():
-        if node.line is not None:
+        if node.mirror is not None:
             name = chain_name(node.chain)
             # The echoes on its face have the mirrors before it on their way, and were multiplied by them.
             points.confidence[points.chain == name] *= mirror_confidence(points, name)

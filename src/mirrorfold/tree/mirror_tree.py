@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -40,6 +41,7 @@ class MirrorTree:
     @property
     def line(self) -> Mirror | None:
         """Earlier name of `mirror`, as in the publication, where all mirrors are lines; deprecated."""
+        warnings.warn("MirrorTree.line is called mirror now, as it may be curved", DeprecationWarning, stacklevel=2)
         return self.mirror
 
     def walk(self) -> Iterator[MirrorTree]:

@@ -120,7 +120,7 @@ def find_transparent(
     """
     transparent_walls = []
     for index, chain in enumerate(found.sight.chain):
-        if len(chain) != 1 or (mirror := found.tree.mirrors[chain[0]].line) is None or mirror.curved:
+        if len(chain) != 1 or (mirror := found.tree.mirrors[chain[0]].mirror) is None or mirror.curved:
             continue
         wall = look_through(found, view, images, index, mirror)
         if wall is not None:
@@ -261,7 +261,7 @@ def _key(echoes: Echoes) -> Array:
 def _with_new_mirror(wall: TransparentWall, found: Found) -> TransparentWall:
     """The wall with its mirror as it was found anew: the nearest one in line of sight, if it is at the same place."""
     old = wall.mirror
-    lines = [node.line for node in found.tree.mirrors if node.line is not None and not node.line.curved]
+    lines = [node.mirror for node in found.tree.mirrors if node.mirror is not None and not node.mirror.curved]
     near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(SAME_WAY_DEG))]
     if not near:
         return wall
