@@ -151,7 +151,7 @@ class SweepWaves:
         The first axis is the distance in range, from zero on.
         """
         if not self._wandering.size:
-            weights = view.window if view.window.size else hann(view.u.size)
+            weights = view.window if view.window.size else hann(self.sweep["frequency"].size)
             beyond = np.linspace(0.0, (samples - 1) * float(view.range[1] - view.range[0]), samples)
             sine = view.u[columns] - view.u[0]
             self._wandering = wandering_lobes(self.apertures, wavenumber(self.sweep), sine, weights, beyond)
