@@ -8,7 +8,7 @@ from browser import opened
 from serving import served, two_walls
 
 import mirrorfold as mf
-from mirrorfold.viewing.session import what_is_lost
+from mirrorfold.viewing.held import what_is_lost
 
 
 def told(decided):

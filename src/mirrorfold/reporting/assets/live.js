@@ -302,7 +302,8 @@ function makeLive(panels) {
       : edit.took === null ? "" : `folded in ${Math.round(edit.took)} ms${edit.lines ? ", with these mirrors" : ""}`;
     if (saved.drawn !== edit.saved) {
       saved.drawn = edit.saved;
-      saved.replaceChildren(...(edit.saved ? [el("p", { class: "hint" }, `saved ${edit.saved.files.join(", ")}; the same again:`), el("pre", { tabindex: "0" }, edit.saved.command)] : []));
+      saved.replaceChildren(...(edit.saved ? [el("p", { class: "hint" }, `saved ${edit.saved.files.join(", ")}${edit.saved.command ? "; the same again:" : ""}`),
+        edit.saved.command ? el("pre", { tabindex: "0" }, edit.saved.command) : ""] : []));
     }
   });
   return { notice, card: el("section", { class: "card noprint" }, el("h2", {}, "Fold"), settings.map((setting) => setting.row),
