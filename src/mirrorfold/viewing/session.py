@@ -25,6 +25,7 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.pictures import Grid
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_atomically
 from mirrorfold.reconstruction import FoldPlan
@@ -149,6 +150,8 @@ class Session:
                 f"{self.path}: is a scene, expected a sweep, an image or a reconstruction; simulate it first"
             )
         self.editable = "z" not in reconstruction.children["objects"].variables
+        # What the file says of its image, which a fold of a reconstruction takes to be normalized.
+        self._of_image = {name: value for name, value in reconstruction.attrs.items() if str(name).startswith("image_")}
         held = held_settings(reconstruction.attrs, PRESETS[preset])
         self._preset = preset
         self._settings = {name: value for name, value in held.items() if name in CHANGEABLE}
@@ -168,7 +171,7 @@ class Session:
             self._plan = FoldPlan(reconstruction) if plan is None else plan
             self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
             # The first fold computes what all further folds share, and the settings that are chosen from the image.
-            first = self._plan.fold(**self._arguments(self._settings, self._lines), grid=self._grid)
+            first = self._fold(self._settings, self._lines, grid=self._grid)
             used = held_settings(first.attrs, PRESETS[preset])
             self._settings = {name: used[name] for name in CHANGEABLE}
         state = self._edit_state()
@@ -182,7 +185,7 @@ class Session:
         return {
             "editable": self.editable,
             "values": {**self._settings},
-            "controls": controls(self._settings) if self.editable else [],
+            "controls": controls(self._settings, tested=self._sweep is not None) if self.editable else [],
             "lines": lines,
             "note": self._note if self.editable else "",
             "file": self.path.name,
@@ -216,7 +219,7 @@ class Session:
         settings, lines = self._checked(request)
         start = time.perf_counter()
         with self._stoppable(request):
-            found = self._plan.fold(**self._arguments(settings, lines), grid=self._grid)
+            found = self._fold(settings, lines, grid=self._grid)
         with self._lock:
             self._settings, self._lines = settings, lines
         document = to_document(
@@ -301,7 +304,7 @@ class Session:
         replace = request.get("replace") is True
         _check_free(files, replace=replace)
         with self._stoppable(request):
-            result = self._plan.fold(**self._arguments(settings, lines)) if unchanged is None else unchanged
+            result = self._fold(settings, lines) if unchanged is None else unchanged
         if unchanged is None:
             result.attrs["command"] = command_to_repeat(
                 self.path,
@@ -327,9 +330,11 @@ class Session:
             return settings == self._first_settings and lines is self._first_lines
         return settings == self._first_settings and np.array_equal(lines, self._first_lines)
 
-    def _arguments(self, settings: dict[str, Any], lines: Array | None) -> dict[str, Any]:
-        """The arguments of a fold: mirrors, preset, and all settings."""
-        return {"mirrors": lines, "preset": self._preset, **self._kept, **settings}
+    def _fold(self, settings: dict[str, Any], lines: Array | None, grid: Grid | None = None) -> xr.DataTree:
+        """A fold with these settings and mirrors, by default with all pixels."""
+        found = self._plan.fold(mirrors=lines, preset=self._preset, **self._kept, **settings, grid=grid)
+        found.attrs |= self._of_image
+        return found
 
     def _checked(self, request: Any) -> tuple[dict[str, Any], Array | None]:
         """The settings, those not in the request as before, and the mirrors of a request.

@@ -230,7 +230,7 @@ function startDrawing(button, stage) {
 }
 
 // A row for one setting, as the server describes its control; `show` sets it to the value that is in force.
-function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highest, step }) {
+function makeSetting({ name, label, unit, meaning, works, kind, choices, lowest, highest, step }) {
   const id = `set-${name}`, shown = el("output", { for: id });
   const digits = step ? Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) : 4;
   const say = (value) => { shown.textContent = kind === "range" ? `${fixed(value, digits)} ${unit}` : kind === "number" ? unit : ""; };
@@ -246,6 +246,7 @@ function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highes
       onchange: (event) => { gesture = {}; take(event.target.value === "" ? null : Number(event.target.value)); } }),
   };
   const input = makers[kind]();
+  input.disabled = !works;
   const show = () => {
     const value = edit.settings[name];
     if (kind === "switch") input.checked = value;

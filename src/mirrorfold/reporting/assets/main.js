@@ -110,7 +110,7 @@ function compose(page) {
     el("div", { class: "below" }, state.content ? makeSpace() : "",
       el("section", { class: "card full" }, el("h2", {}, "Mirrors at their true places"), makeMirrors()),
       makeScore(),
-      el("section", { class: "card full" }, el("h2", {}, "Command"), makeCommand()),
+      makeCommand(),
       el("section", { class: "card full" }, el("h2", {}, "Parameters"), makeParameters())),
     el("footer", {}, `Made by mirrorfold ${state.content ? state.content.version : ""}. Amplitudes are relative to the brightest pixels of the initial image. Lengths in metres, x across, y away from the radar.`));
   window.addEventListener("resize", changed);

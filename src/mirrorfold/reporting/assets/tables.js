@@ -108,6 +108,10 @@ function makeCommand() {
     catch { getSelection().selectAllChildren(code); copy.textContent = "selected"; }
     setTimeout(() => { copy.textContent = "copy"; }, 1500);
   } }, "copy");
-  painters.push(() => { if (state.content) code.textContent = state.content.command || "mirrorfold (from Python)"; });
-  return el("div", { class: "command" }, code, copy);
+  const box = el("section", { class: "card full" }, el("h2", {}, "Command"), el("div", { class: "command" }, code, copy));
+  painters.push(() => {
+    box.hidden = !state.content || !state.content.command;
+    code.textContent = box.hidden ? "" : state.content.command;
+  });
+  return box;
 }
