@@ -96,6 +96,20 @@ def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruct
 
 
 @pytest.mark.slow
+def test_confidence_is_told_within_a_resolution_cell(reconstruction, tmp_path, chromium):
+    band = {"image_frequency_start": 290e9, "image_frequency_stop": 310e9, "image_range_resolution": 0.01}
+    reconstruction.attrs |= {**band, "image_tx_aperture": 0.1}  # cells of 1.3 cm at 0.9 m
+    with opened(chromium, mf.report(reconstruction, tmp_path / "r.html").as_uri()) as page:
+        page.locator("[data-mode=side]").click()
+        settle(page)
+        for which in ("initial", "corrected"):
+            page.mouse.move(*to_screen(page, which, -0.107, 0.9))
+            assert number(readout(page)["confidence"]) == pytest.approx(0.9)
+            page.mouse.move(*to_screen(page, which, -0.07, 0.9))
+            assert readout(page)["confidence"] == "no point here"
+
+
+@pytest.mark.slow
 def test_the_divider_slides_by_mouse_and_keys(address, chromium):
     with opened(chromium, address) as page:
         divider, stage = page.locator(".divider"), page.locator(".stage").bounding_box()

@@ -25,6 +25,7 @@ from mirrorfold.describing.settings import attribute_words, recorded_settings
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.io.exports.vtk import places
 from mirrorfold.reporting.rows import found_rows, mirror_rows, score_rows
+from mirrorfold.scoring.cells import point_cells
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -42,6 +43,9 @@ LARGEST_CLOUD = 40_000
 
 MARGIN = 0.18
 """Space left free around all points and mirrors, as a share of the larger side of their bounding box."""
+
+BLOB = 3
+"""Diagonal of a resolution cell in diagonals of a pixel, where the file does not say what was resolved."""
 
 CURVE_STEP = 0.01
 """Length of the chords by which true curves are drawn [m]."""
@@ -128,7 +132,7 @@ def to_document(
         "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
         "mirrors": mirrors,
         "least_confidence": float(attrs.get("fold_min_confidence", 0.0)),
-        "points": _points(objects, axes, zero),
+        "points": _points(objects, axes, zero, _cells(objects, attrs, shown["corrected"])),
         "truth": truth,
         "settings": [setting._asdict() for setting in settings],
         "parameters": [
@@ -203,13 +207,20 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
     return {"data": _base64(zlib.compress(difference.tobytes(), effort)), "lowest": LOWEST_DB, "step": step}
 
 
-def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
+def _cells(objects: xr.Dataset, attrs: dict[Any, Any], picture: xr.DataArray) -> Array:
+    """Diagonal of the resolution cell at each point (points,) [m]; that of `BLOB` pixels where it is unknown."""
+    found = point_cells(objects, attrs)
+    pixel = np.hypot(*(_step(picture[name].values) for name in "xy"))
+    return np.full(objects.sizes.get("point", 0), BLOB * pixel) if found is None else found
+
+
+def _points(objects: xr.Dataset, axes: str, zero: float, cells: Array) -> dict[str, Any]:
     """The columns of the table of points, each as float32 in base64; places far from the origin, those that `doubles`
     names, as float64.
 
-    The columns are places, level, confidence, bounces, whether the point is on the face of a mirror, and the indices of
-    its chain, of its explanation, and of the chain of the wall that it was seen through, in the lists `chains`,
-    `reasons` and `walls`.
+    The columns are places, level, confidence, resolution cell [m], bounces, whether the point is on the face of a
+    mirror, and the indices of its chain, of its explanation, and of the chain of the wall that it was seen through, in
+    the lists `chains`, `reasons` and `walls`.
     """
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
@@ -230,6 +241,7 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     columns = {
         "level": level,
         "confidence": objects["confidence"].values[chosen],
+        "cell": cells[chosen],
         "bounces": objects["bounces"].values[chosen],
         "chain": number.ravel(),
         "reason": reason.ravel(),
