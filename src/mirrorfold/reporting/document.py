@@ -47,6 +47,9 @@ MARGIN = 0.18
 BLOB = 3
 """Diagonal of a resolution cell in diagonals of a pixel, where the file does not say what was resolved."""
 
+DIGITS = 6
+"""Decimal places of true lines [m], finer than any wavelength."""
+
 CURVE_STEP = 0.01
 """Length of the chords by which true curves are drawn [m]."""
 
@@ -105,7 +108,7 @@ def to_document(
     mirrors = mirror_rows(reconstruction)
     truth = [] if scene is None else truth_lines(scene)
     if plan is not None:
-        truth += [np.round(line, 4).tolist() for line in plan.lines]
+        truth += [np.round(line, DIGITS).tolist() for line in plan.lines]
     if extent is None:
         extent = shown_extent(reconstruction, truth)
     shown = {
@@ -160,10 +163,10 @@ def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
     """True surfaces as polylines [m]; in three dimensions the edges of walls, and sections of round objects."""
     if scene.dimensions == 2:
         pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
-        return [np.round(piece, 4).tolist() for piece in pieces]
+        return [np.round(piece, DIGITS).tolist() for piece in pieces]
     from mirrorfold.plotting.outlines import wireframe
 
-    return [np.round(line, 4).tolist() for line in wireframe(scene)]
+    return [np.round(line, DIGITS).tolist() for line in wireframe(scene)]
 
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:

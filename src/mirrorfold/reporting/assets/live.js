@@ -167,7 +167,7 @@ function handlesOf(panel) {
     for (const [i, [x, y]] of spots.entries())
       parts.push(svg(i < 2 ? "circle" : "rect", { class: "handle", stroke: "currentColor", tabindex: "0", role: "slider",
         "data-handle": `${k}-${i}`, "aria-label": `${i < 2 ? `end ${i} of` : "all of"} mirror ${k}: arrow keys move it, shift makes small steps`,
-        "aria-valuetext": (i < 2 ? [ends[i]] : ends).map((end) => end.map((v) => fixed(v, 3)).join(", ")).join("; "), "aria-valuenow": "0",
+        "aria-valuetext": (i < 2 ? [ends[i]] : ends).map((end) => end.map(placeText).join(", ")).join("; "), "aria-valuenow": "0",
         ...(i < 2 ? { cx: x, cy: y, r: 5.5 } : { x: x - 4.5, y: y - 4.5, width: 9, height: 9, rx: 2 }),
         onpointerdown: (event) => drag(panel, k, i, event), onkeydown: (event) => nudge(k, i, event) }));
     return parts;
@@ -203,7 +203,7 @@ function drag(panel, k, handle, event) {
   });
 }
 function nudge(k, handle, event) {
-  const size = event.shiftKey ? 0.001 : 0.01;
+  const size = roundStep(state.content.grid.dx) * (event.shiftKey ? 0.1 : 1);
   const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   if (!step) return;
   event.preventDefault();

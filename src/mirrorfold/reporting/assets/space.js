@@ -8,7 +8,7 @@ function makeSpace() {
   const cloud = el("canvas", { tabindex: "0", role: "img", id: "cloud",
     "aria-label": "Cloud of points coloured by bounces. Drag or use the arrow keys to turn it, plus and minus to zoom." });
   const cut = el("canvas", { role: "img", id: "section", "aria-label": "Vertical cross-section: points in the chosen slice of range" });
-  const slice = { at: 0, thick: 0.2 };
+  const slice = { at: 0, thick: 0 };
   const { points } = content;
   const place = (i, k) => points["xyz"[k] + (turn.folded ? "" : "_initial")][i];
 
@@ -16,6 +16,11 @@ function makeSpace() {
     let low = content.radar[k], high = low;
     for (let i = 0; i < points.count; i++) { low = Math.min(low, place(i, k)); high = Math.max(high, place(i, k)); }
     return [low, high];
+  }
+  // All multiples of a step within limits.
+  function multiples(step, [low, high]) {
+    const first = Math.ceil(low / step), count = Math.floor(high / step) - first + 1;
+    return Array.from({ length: Math.max(0, count) }, (_, k) => (first + k) * step);
   }
   function surface(canvas, share) {
     const wide = canvas.clientWidth, high = Math.round(wide * share), ratio = Math.min(devicePixelRatio || 1, 3);
@@ -67,8 +72,9 @@ function makeSpace() {
     context.lineWidth = 1;
     context.strokeStyle = style.getPropertyValue("--line");
     const floor = limits[2][0];
-    for (let x = Math.ceil(2 * limits[0][0]) / 2; x <= limits[0][1]; x += 0.5) path([[x, limits[1][0], floor], [x, limits[1][1], floor]]);
-    for (let y = Math.ceil(2 * limits[1][0]) / 2; y <= limits[1][1]; y += 0.5) path([[limits[0][0], y, floor], [limits[0][1], y, floor]]);
+    const step = roundStep(radius / 6);
+    for (const x of multiples(step, limits[0])) path([[x, limits[1][0], floor], [x, limits[1][1], floor]]);
+    for (const y of multiples(step, limits[1])) path([[limits[0][0], y, floor], [limits[0][1], y, floor]]);
     const order = [];
     for (let i = 0; i < points.count; i++) if (pointShown(points, i)) { const [x, y, d] = project(place(i, 0), place(i, 1), place(i, 2)); order.push([d, x, y, i]); }
     order.sort((a, b) => b[0] - a[0]);
@@ -98,7 +104,8 @@ function makeSpace() {
   function paintCut() {
     const [context, wide, high, style] = surface(cut, 0.78);
     const [x0, x1] = bounds(0), [z0, z1] = bounds(2), room = 40;
-    const scale = Math.min((wide - 2 * room) / Math.max(x1 - x0, 0.1), (high - 2 * room) / Math.max(z1 - z0, 0.1));
+    const size = Math.max(x1 - x0, z1 - z0, content.grid.dx);
+    const scale = Math.min((wide - 2 * room) / Math.max(x1 - x0, 0.02 * size), (high - 2 * room) / Math.max(z1 - z0, 0.02 * size));
     const to = (x, z) => [wide / 2 + (x - (x0 + x1) / 2) * scale, high / 2 - (z - (z0 + z1) / 2) * scale];
     context.strokeStyle = style.getPropertyValue("--line");
     context.fillStyle = style.getPropertyValue("--soft");
@@ -124,11 +131,17 @@ function makeSpace() {
     turn.folded = !turn.folded; folded.setAttribute("aria-pressed", String(turn.folded)); limit(); changed();
   } }, "folded");
   const count = el("span", { class: "busy", id: "slice-count" });
-  const range = el("input", { type: "range", id: "slice", step: "0.01", "aria-label": "range of the cross-section in metres" });
-  const thick = el("input", { type: "range", min: "0.02", max: "1", step: "0.02", value: "0.2", "aria-label": "thickness of the cross-section in metres" });
+  // Steps and thickness of the slice, from the depth of the scene.
+  const depth = bounds(1)[1] - bounds(1)[0] || content.grid.dy, whole = roundStep(depth / 20), fine = whole / 20, digits = digitsOf(fine);
+  const range = el("input", { type: "range", id: "slice", step: fine.toFixed(digits), "aria-label": "range of the cross-section in metres" });
+  const thick = el("input", { type: "range", min: (2 * fine).toFixed(digits), max: (5 * whole).toFixed(digits), step: (2 * fine).toFixed(digits), value: whole.toFixed(digits), "aria-label": "thickness of the cross-section in metres" });
   const shown = [el("output", {}), el("output", {})];
-  const follow = () => { slice.at = Number(range.value); slice.thick = Number(thick.value); shown[0].textContent = metres(slice.at); shown[1].textContent = `${fixed(slice.thick, 2)} m`; changed(); };
-  function limit() { const [low, high] = bounds(1); range.min = low.toFixed(2); range.max = high.toFixed(2); }
+  const follow = () => { slice.at = Number(range.value); slice.thick = Number(thick.value); shown[0].textContent = metres(slice.at); shown[1].textContent = `${fixed(slice.thick, digits)} m`; changed(); };
+  function limit() {
+    const [low, high] = bounds(1);
+    range.min = (fine * Math.floor(low / fine + 1e-6)).toFixed(digits);
+    range.max = (fine * Math.ceil(high / fine - 1e-6)).toFixed(digits);
+  }
   range.addEventListener("input", follow);
   thick.addEventListener("input", follow);
   limit();

@@ -38,7 +38,7 @@ function makeTree() {
     });
     for (const [number, { x, y }] of nodes) {
       const mirror = mirrors[number], [objects, walls] = seen[mirror ? mirror.chain : ""] || [0, 0];
-      const what = mirror ? `mirror ${mirror.name}, ${fixed(mirror.length, 2)} m` : "radar";
+      const what = mirror ? `mirror ${mirror.name}, ${fixed(mirror.length, placeDigits() - 1)} m` : "radar";
       const more = `points: ${objects} of objects, ${walls} of walls`;
       parts.push(svg("g", { class: "node", tabindex: mirror ? "0" : undefined, role: "treeitem", "data-number": String(number),
         "aria-level": String(mirror ? mirror.generation + 1 : 1), "aria-label": `${what}, ${more}`, ...(mirror ? lights(number) : {}) },
