@@ -150,6 +150,31 @@ def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan,
         assert page.evaluate("() => window.scrollY") > before + 60
 
 
+LABELS = """() => {
+    const found = [], old = CanvasRenderingContext2D.prototype.fillText;
+    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+        const half = this.measureText(text).width / 2;
+        if (text.startsWith('x ')) found.push([x - half, x + half]);
+        old.call(this, text, x, y);
+    };
+    window.dispatchEvent(new Event(PRINTING ? 'beforeprint' : 'resize'));
+    return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(found))));
+}"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("printing", [False, True], ids=["on a phone", "on paper"])
+def test_labels_of_the_cross_section_stand_apart(folded_scan, tmp_path, chromium, printing):
+    path = mf.report(folded_scan, tmp_path / "volume.html")
+    with opened(chromium, path.as_uri(), **({} if printing else PHONE)) as page:
+        labels = np.array(page.evaluate(LABELS.replace("PRINTING", str(printing).lower())))
+        assert len(labels) >= 2
+        assert (np.diff(np.unique(labels, axis=0).ravel()) > 0).all()
+        # Without the sliders, words say which slice it is.
+        at = number(page.locator("#slice").input_value())
+        assert f"at y from {at - 0.1:.2f} to {at + 0.1:.2f} m" in page.locator("#slice-count").inner_text()
+
+
 @pytest.mark.slow
 def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
     path = tmp_path / "image.nc"

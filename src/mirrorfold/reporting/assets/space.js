@@ -1,5 +1,7 @@
 // Three dimensions: a cloud of points that turns, and a vertical cross-section of a chosen slice of range.
 
+const LABEL = 56; // pixels from one label of the cross-section to the next
+
 function makeSpace() {
   const { content } = state;
   const section = el("section", { class: "card full" });
@@ -111,9 +113,11 @@ function makeSpace() {
     context.fillStyle = style.getPropertyValue("--soft");
     context.font = "11px system-ui, DejaVu Sans, sans-serif";
     context.textAlign = "center";
-    for (let k = Math.ceil(2 * x0); k <= 2 * x1; k++) { const [x] = to(k / 2, 0); context.beginPath(); context.moveTo(x, 0); context.lineTo(x, high); context.stroke(); context.fillText(`x ${fixed(k / 2, 1)} m`, x, high - 8); }
+    // No label touches its neighbour.
+    const step = roundStep(LABEL / scale), digits = digitsOf(step), half = (wide / 2 - LABEL / 2) / scale;
+    for (const value of multiples(step, [(x0 + x1) / 2 - half, (x0 + x1) / 2 + half])) { const [x] = to(value, 0); context.beginPath(); context.moveTo(x, 0); context.lineTo(x, high); context.stroke(); context.fillText(`x ${fixed(value, digits)} m`, x, high - 8); }
     context.textAlign = "left";
-    for (let k = Math.ceil(2 * z0); k <= 2 * z1; k++) { const [, y] = to(0, k / 2); context.beginPath(); context.moveTo(0, y); context.lineTo(wide, y); context.stroke(); context.fillText(`z ${fixed(k / 2, 1)} m`, 6, y - 4); }
+    for (const value of multiples(step, [z0, z1])) { const [, y] = to(0, value); context.beginPath(); context.moveTo(0, y); context.lineTo(wide, y); context.stroke(); context.fillText(`z ${fixed(value, digits)} m`, 6, y - 4); }
     let inside = 0;
     for (let i = 0; i < points.count; i++) {
       if (!pointShown(points, i) || Math.abs(place(i, 1) - slice.at) > slice.thick / 2) continue;
@@ -124,7 +128,8 @@ function makeSpace() {
       context.beginPath(); context.arc(x, y, 2.3, 0, 7); context.fill();
     }
     context.globalAlpha = 1;
-    count.textContent = `${inside} points`;
+    // The sliders are not printed: in words, which slice this is.
+    count.textContent = `${inside} points at y from ${fixed(slice.at - slice.thick / 2, places)} to ${fixed(slice.at + slice.thick / 2, places)} m`;
   }
 
   const folded = el("button", { type: "button", "aria-pressed": "true", onclick: () => {
@@ -132,24 +137,24 @@ function makeSpace() {
   } }, "folded");
   const count = el("span", { class: "busy", id: "slice-count" });
   // Steps and thickness of the slice, from the depth of the scene.
-  const depth = bounds(1)[1] - bounds(1)[0] || content.grid.dy, whole = roundStep(depth / 20), fine = whole / 20, digits = digitsOf(fine);
-  const range = el("input", { type: "range", id: "slice", step: fine.toFixed(digits), "aria-label": "range of the cross-section in metres" });
-  const thick = el("input", { type: "range", min: (2 * fine).toFixed(digits), max: (5 * whole).toFixed(digits), step: (2 * fine).toFixed(digits), value: whole.toFixed(digits), "aria-label": "thickness of the cross-section in metres" });
+  const depth = bounds(1)[1] - bounds(1)[0] || content.grid.dy, whole = roundStep(depth / 20), fine = roundStep(whole / 20), places = digitsOf(fine);
+  const range = el("input", { type: "range", id: "slice", step: fine.toFixed(places), "aria-label": "range of the cross-section in metres" });
+  const thick = el("input", { type: "range", min: (2 * fine).toFixed(places), max: (5 * whole).toFixed(places), step: (2 * fine).toFixed(places), value: whole.toFixed(places), "aria-label": "thickness of the cross-section in metres" });
   const shown = [el("output", {}), el("output", {})];
-  const follow = () => { slice.at = Number(range.value); slice.thick = Number(thick.value); shown[0].textContent = metres(slice.at); shown[1].textContent = `${fixed(slice.thick, digits)} m`; changed(); };
+  const follow = () => { slice.at = Number(range.value); slice.thick = Number(thick.value); shown[0].textContent = metres(slice.at); shown[1].textContent = `${fixed(slice.thick, places)} m`; changed(); };
   function limit() {
     const [low, high] = bounds(1);
-    range.min = (fine * Math.floor(low / fine + 1e-6)).toFixed(digits);
-    range.max = (fine * Math.ceil(high / fine - 1e-6)).toFixed(digits);
+    range.min = (fine * Math.floor(low / fine + 1e-6)).toFixed(places);
+    range.max = (fine * Math.ceil(high / fine - 1e-6)).toFixed(places);
   }
   range.addEventListener("input", follow);
   thick.addEventListener("input", follow);
   limit();
   // Where most of what was seen around the corner stands.
-  const places = [];
-  for (let i = 0; i < points.count; i++) if (points.bounces[i] > 0 && !points.face[i]) places.push(points.y[i]);
-  places.sort((a, b) => a - b);
-  range.value = String(places.length ? places[places.length >> 1] : (Number(range.min) + Number(range.max)) / 2);
+  const seen = [];
+  for (let i = 0; i < points.count; i++) if (points.bounces[i] > 0 && !points.face[i]) seen.push(points.y[i]);
+  seen.sort((a, b) => a - b);
+  range.value = String(seen.length ? seen[seen.length >> 1] : (Number(range.min) + Number(range.max)) / 2);
   follow();
   painters.push(() => { paintCloud(); paintCut(); });
   section.append(el("h2", {}, "In space"), el("div", { class: "space" },
