@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose
 from serving import served, two_walls
 
 import mirrorfold as mf
+from mirrorfold.reporting.document import to_document
+from mirrorfold.reporting.page import to_html
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 
@@ -51,6 +53,16 @@ def scale(page):
 @pytest.mark.slow
 def test_the_page_fits_a_phone(page):
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.slow
+def test_a_score_of_curved_mirrors_fits_a_phone(reconstruction, scene_file, tmp_path, chromium):
+    document = to_document(reconstruction, mf.load(scene_file))
+    document["score"]["mirrors"] = [["0", "pillar before the wall", "12.345", "12.34", "56.78"]]
+    path = tmp_path / "curved.html"
+    path.write_text(to_html(document, title="curved"))
+    with opened(chromium, path.as_uri(), **PHONE) as page:
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
 
 
 @pytest.mark.slow

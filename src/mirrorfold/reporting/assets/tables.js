@@ -79,8 +79,8 @@ function makeScore() {
     box.drawn = score;
     const bent = score.mirrors.some((row) => row[4] !== "-");
     box.replaceChildren(el("h2", {}, "Against the truth"), el("div", { class: "space" },
-      el("div", {}, table("Points against the truth", ["<points", "all surfaces", "out of sight"], score.points)),
-      el("div", {}, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]", ...(bent ? ["curvature error [%]"] : [])],
+      el("div", { class: "wide" }, table("Points against the truth", ["<points", "all surfaces", "out of sight"], score.points)),
+      el("div", { class: "wide" }, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]", ...(bent ? ["curvature error [%]"] : [])],
         score.mirrors.map(([number, ...rest]) => [state.content.mirrors[number].name, ...rest.slice(0, bent ? 4 : 3)])))));
   });
   return box;
