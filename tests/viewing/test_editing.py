@@ -179,3 +179,22 @@ def test_keys_in_a_field_of_text_are_those_of_the_browser(page):
     page.locator("#save-name").press("x")
     page.locator("#save-name").press("Control+z")
     assert same(state(page), changed)
+
+
+@pytest.mark.slow
+def test_the_slider_of_confidence_follows_the_setting(page):
+    before = state(page)
+    assert page.locator("#confidence").input_value() == "0.5"
+    page.locator("#set-min_confidence").fill("0.9")
+    folded(page, 1)
+    assert page.locator("#confidence").input_value() == "0.9"
+    assert page.locator("output[for=confidence]").inner_text() == "0.90"
+    page.locator("#confidence").fill("0.95")
+    page.locator("[data-line='1']").uncheck()
+    folded(page, 2)
+    assert page.locator("#confidence").input_value() == "0.95"  # chosen by hand, and no other setting
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    settle(page)
+    assert page.locator("#confidence").input_value() == "0.5"
+    assert same(state(page), before)

@@ -154,7 +154,7 @@ const kindOf = (points, i) => (points.passed[i] === undefined ? points.bounces[i
 const kindColour = (kind) => (kind === PASSED ? state.content.passed.colour : colourOf(kind));
 const kindText = (kind) => (kind === PASSED ? state.content.passed.label : bouncesText(kind));
 function pointShown(points, i) {
-  return points.confidence[i] >= state.confidence && !state.hidden.has(kindOf(points, i));
+  return points.confidence[i] >= Math.fround(state.confidence) && !state.hidden.has(kindOf(points, i));
 }
 const pointLit = (points, i) => state.lit === null || points.ways[points.chain[i]].includes(state.lit);
 

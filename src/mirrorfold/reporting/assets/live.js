@@ -75,8 +75,13 @@ function goTo(at) {
   edit.showSettings();
   if (content) show(content); else refold();
 }
+// Take a fold for what is shown; where the least confidence has changed, the slider follows.
+function take(content) {
+  const same = content.least_confidence === state.content.least_confidence;
+  Object.assign(state, { content, confidence: same ? state.confidence : content.least_confidence, lit: null, spot: null });
+}
 function show(content) {
-  Object.assign(state, { content, lit: null, spot: null });
+  take(content);
   if (content.truth.length && !content.score) scoreLater();
   changed();
 }
@@ -114,7 +119,7 @@ async function refold() {
       step.content = content;
       const now = edit.steps[edit.at];
       if (now !== step && now.content) continue;
-      Object.assign(state, { content, lit: null, spot: null });
+      take(content);
       edit.message = "";
       edit.took = performance.now() - start;
       document.documentElement.dataset.folds = String(Number(document.documentElement.dataset.folds || 0) + 1);

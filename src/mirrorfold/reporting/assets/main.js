@@ -39,8 +39,9 @@ function makeLegend() {
 
 function makeControls() {
   const confidence = el("input", { type: "range", id: "confidence", min: "0", max: "1", step: "0.01", value: String(state.confidence) });
-  const shown = el("output", { for: "confidence" }, fixed(state.confidence, 2));
-  confidence.addEventListener("input", () => { state.confidence = Number(confidence.value); shown.textContent = fixed(state.confidence, 2); changed(); });
+  const shown = el("output", { for: "confidence" });
+  confidence.addEventListener("input", () => { state.confidence = Number(confidence.value); changed(); });
+  painters.push(() => { confidence.value = String(state.confidence); shown.textContent = fixed(state.confidence, 2); });
   return [...makeScale(), el("label", { class: "control" }, el("span", {}, "confidence \u2265"), confidence, shown)];
 }
 
