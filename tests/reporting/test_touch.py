@@ -211,3 +211,13 @@ def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
         fingers(page, (to_screen(page, "initial", -0.3, 0.8), to_screen(page, "initial", 0.3, 0.5)))
         page.wait_for_timeout(500)
         assert len(server.session._lines) == 3
+        # Who taps the other picture is told where mirrors are drawn, and can scroll again.
+        page.locator("#draw").tap()
+        stage = page.locator(".stage")
+        assert "drawing" in stage.get_attribute("class")
+        page.locator(".panel[data-which=corrected]").evaluate("(panel) => panel.scrollIntoView()")
+        settle(page)
+        page.touchscreen.tap(*to_screen(page, "corrected", 0.0, 2.2))
+        page.wait_for_timeout(100)
+        assert "Draw in the initial image" in page.locator(".notice").first.inner_text()
+        assert "drawing" not in stage.get_attribute("class")

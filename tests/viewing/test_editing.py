@@ -198,3 +198,27 @@ def test_the_slider_of_confidence_follows_the_setting(page):
     settle(page)
     assert page.locator("#confidence").input_value() == "0.5"
     assert same(state(page), before)
+
+
+@pytest.mark.slow
+def test_a_mirror_is_drawn_by_keys_and_drawing_ends_unused(page):
+    draw, stage = page.locator("#draw"), page.locator(".stage")
+    for end in (draw.click, lambda: page.keyboard.press("Escape")):
+        draw.click()
+        assert draw.get_attribute("aria-pressed") == "true"
+        assert "drawing" in stage.get_attribute("class")
+        end()
+        assert draw.get_attribute("aria-pressed") == "false"
+        assert "drawing" not in stage.get_attribute("class")
+    draw.focus()
+    page.keyboard.press("Enter")
+    folded(page, 1)
+    assert page.evaluate("() => document.activeElement.dataset.handle") == "2-2"
+    assert page.locator("#lines label").count() == 3
+    page.keyboard.press("ArrowUp")
+    folded(page, 2)
+    assert page.evaluate("() => document.activeElement.dataset.handle") == "2-2"
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    settle(page)
+    assert page.locator("#lines label").count() == 2

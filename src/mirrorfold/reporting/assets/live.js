@@ -215,23 +215,31 @@ function nudge(k, handle, event) {
   move(k, handle, size * step[0], size * step[1]);
 }
 
-// Draw a mirror by hand: press at one end, let go at the other.
+// Draw a mirror by hand: press at one end, let go at the other. The button once more, or Escape, ends it.
+function setDrawing(button, stage, draw) {
+  state.draw = draw;
+  button.setAttribute("aria-pressed", String(draw !== null));
+  stage.classList.toggle("drawing", draw !== null);
+}
 function startDrawing(button, stage) {
-  stage.classList.add("drawing");
-  state.draw = (panel, event) => {
-    state.draw = null;
-    button.setAttribute("aria-pressed", "false");
+  setDrawing(button, stage, (panel, event) => {
+    setDrawing(button, stage, null);
     if (panel.which !== "initial") { edit.message = "Draw in the initial image: that is where mirrors are seen."; changed(); return; }
     const start = panel.toWorld(panel.place(event)), before = edit.lines, line = { points: [start, [...start]], on: true };
     edit.lines = [...lines(), line];
     follow((moved) => { line.points = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
-      stage.classList.remove("drawing");
       const [a, b] = line.points.map((end) => panel.toScreen(end));
       if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 8) edit.lines = before; else { remember(); refold(); }
       changed();
     });
     changed();
-  };
+  });
+}
+// Without a pointer: a line across the middle of the picture, to be moved by its handles.
+function insertLine(panel) {
+  const k = lines().length, y = panel.height / 2 + 14 * (k % 6);
+  change((all) => all.push({ points: [0.4, 0.6].map((share) => panel.toWorld([share * panel.width, y])), on: true }));
+  requestAnimationFrame(() => panel.layer.querySelector(`[data-handle="${k}-2"]`)?.focus({ preventScroll: true }));
 }
 
 // A row for one setting, as the server describes its control; `show` sets it to the value that is in force.
@@ -274,7 +282,15 @@ function makeLive(panels) {
   panels[0].handles = () => handlesOf(panels[0]);
   const settings = edit.controls.map(makeSetting);
   const list = el("div", { class: "legend", id: "lines" });
-  const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false", onclick: () => { pencil.setAttribute("aria-pressed", "true"); startDrawing(pencil, panels[0].node.parentNode); } }, "draw a mirror");
+  const stage = panels[0].node.parentNode;
+  const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false",
+    title: "press at one end and let go at the other; the key Enter inserts a line, which the arrow keys move",
+    onclick: (event) => {
+      if (state.draw) setDrawing(pencil, stage, null);
+      else if (event.detail === 0) insertLine(panels[0]); // pressed by a key
+      else startDrawing(pencil, stage);
+    } }, "draw a mirror");
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape") setDrawing(pencil, stage, null); });
   edit.showSettings = () => settings.forEach((setting) => setting.show());
   const undo = el("button", { type: "button", id: "undo", title: "Ctrl+Z", onclick: () => goTo(edit.at - 1) }, "undo");
   const redo = el("button", { type: "button", id: "redo", title: "Ctrl+Y or Ctrl+Shift+Z", onclick: () => goTo(edit.at + 1) }, "redo");
