@@ -222,3 +222,19 @@ def test_a_mirror_is_drawn_by_keys_and_drawing_ends_unused(page):
     page.keyboard.press("Control+z")
     settle(page)
     assert page.locator("#lines label").count() == 2
+
+
+@pytest.mark.slow
+def test_the_focus_stays_where_keys_are_pressed(page):
+    page.locator("[data-line='1']").focus()
+    page.keyboard.press("Space")
+    folded(page, 1)
+    assert page.evaluate("() => document.activeElement.dataset.line") == "1"
+    page.locator("#undo").focus()
+    page.keyboard.press("Enter")
+    settle(page)
+    assert page.locator("#undo").is_disabled()
+    assert page.evaluate("() => document.activeElement.id") == "redo"
+    page.keyboard.press("Enter")
+    settle(page)
+    assert page.evaluate("() => document.activeElement.id") == "undo"

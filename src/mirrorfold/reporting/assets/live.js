@@ -306,18 +306,24 @@ function makeLive(panels) {
     try { edit.saved = await ask("api/save", { ...request(), name: name.value, replace }); edit.message = ""; }
     catch (error) { edit.message = error.message; edit.saved = null; if (error.conflict) save.replaces = name.value; }
     save.disabled = false;
+    if (document.activeElement === document.body) save.focus();
     changed();
   } }, "save");
   let drawn = null;
   painters.push(() => {
+    const pressed = document.activeElement;
     undo.disabled = !edit.steps[edit.at - 1];
     redo.disabled = !edit.steps[edit.at + 1];
     again.disabled = state.content === edit.first.content;
+    // A button that is switched off hands the focus to one that is not.
+    if (pressed.disabled) [undo, redo].find((button) => [undo, redo, again].includes(pressed) && !button.disabled)?.focus();
     const all = lines(), key = JSON.stringify(all.map((line, k) => [line.on, used(k)]));
     if (drawn !== key) {
       drawn = key;
+      const held = list.contains(pressed) ? pressed.dataset.line : null;
       list.replaceChildren(...all.map((line, k) => el("label", { class: line.on && used(k) ? "" : "unused" }, el("input", { type: "checkbox", "data-line": String(k), checked: line.on,
         onchange: (event) => change((now) => { now[k].on = event.target.checked; }) }), `mirror ${k}${line.on && !used(k) ? ", not used" : ""}`)));
+      if (held !== null) list.querySelector(`[data-line="${held}"]`)?.focus({ preventScroll: true });
     }
     cancel.hidden = !edit.busy;
     took.textContent = edit.busy ? "folding \u2026" : state.content === edit.first.content ? "as it is in the file"
