@@ -86,6 +86,10 @@ def test_a_line_that_no_line_of_sight_meets_looks_unused(page):
     folded(page, 1)
     assert page.locator("#lines label").all_inner_texts() == ["mirror 0", "mirror 1", "mirror 2, not used"]
     assert page.locator("#lines label").nth(2).get_attribute("class") == "unused"
+    # Struck through, not paler: pale text is hard to read.
+    style = "(node) => [getComputedStyle(node).opacity, getComputedStyle(node).textDecorationLine]"
+    assert page.locator("#lines label").nth(2).evaluate(style) == ["1", "line-through"]
+    assert page.locator("text.unused").evaluate(style)[0] == "1"
     assert page.locator(".panel[data-which=initial] text.unused").text_content() == "2 not used"
     assert page.locator(".tree .node").count() == 3
 
