@@ -11,6 +11,8 @@ from browser import number, opened, pixels, readout, settle, to_screen
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
+from mirrorfold.reporting.document import to_document
+from mirrorfold.reporting.page import to_html
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 
@@ -31,6 +33,21 @@ def test_points_mean_the_same_in_header_tree_score_and_info(reconstruction, scen
         nodes = page.locator(".tree .node .more").all_text_contents()
         assert nodes == ["points: 1 of objects, 1 of walls", "points: 2 of objects, 1 of walls"]
         assert page.locator("table:has-text('accuracy') tbody tr").first.all_inner_texts() == ["points\t5\t5"]
+
+
+@pytest.mark.slow
+def test_the_words_of_the_tree_fit_their_boxes(reconstruction, tmp_path, chromium):
+    document = to_document(reconstruction) | {"seen": {"": [123456, 234567], "0": [1462, 2439]}}
+    path = tmp_path / "many.html"
+    path.write_text(to_html(document, title="many"))
+    with opened(chromium, path.as_uri()) as page:
+        for node in page.locator(".tree .node").all():
+            pill, more, what = (
+                node.locator(part).evaluate("(part) => { const { x, width } = part.getBBox(); return [x, x + width]; }")
+                for part in (".pill", ".more", ".what")
+            )
+            assert pill[0] < min(more[0], what[0])
+            assert max(more[1], what[1]) < pill[1] - 4
 
 
 @pytest.mark.slow
