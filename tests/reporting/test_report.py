@@ -124,7 +124,8 @@ def test_nothing_from_a_file_becomes_markup(reconstruction, scene_file, tmp_path
     assert names.count("script") == 3
     assert HOSTILE not in page
     document = content_of(page)
-    assert document["title"] == document["command"] == document["remark"] == HOSTILE
+    assert document["title"] == document["command"] == HOSTILE
+    assert document["remark"] == f"{HOSTILE}."
     assert [HOSTILE, "1"] in document["parameters"]
 
 

@@ -59,7 +59,10 @@ def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium
     groups["/initial"]["initial"] = 0 * groups["/initial"]["initial"]
     path = mf.report(xr.DataTree.from_dict(groups), tmp_path / "empty.html")
     with opened(chromium, path.as_uri()) as page:
-        assert "No mirror was found" in page.inner_text("body")
+        # As the command line says.
+        assert (
+            page.locator(".notice").inner_text() == "No mirror was found; the image is unfolded. No object was found."
+        )
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, reference
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
-from mirrorfold.describing.reconstructions import on_mirrors
+from mirrorfold.describing.reconstructions import on_mirrors, remarks_on
 from mirrorfold.describing.settings import attribute_words, recorded_settings
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.io.exports.vtk import places
@@ -122,7 +122,7 @@ def to_document(
         "version": __version__,
         "dimensions": dimensions,
         "title": title_of(reconstruction, scene),
-        "remark": str(attrs.get("remark", "")),
+        "remark": " ".join(remarks_on(reconstruction)),
         "command": str(attrs.get("command", "")),
         "colours": list(COLOURS),
         "truth_colour": TRUTH_COLOUR,
