@@ -122,5 +122,5 @@ def _number(value: float | None, form: str, scale: float = 1.0) -> str:
     """A number times `scale` as a text; "-" where it is unknown."""
     if value is None or not np.isfinite(value):
         return "-"
-    text = format(value * scale, form)
-    return format(float(text), "g") if float(text).is_integer() else text  # 0 and 1 are exact
+    shares = (0.0, 1.0) if scale == 1.0 else (0.0,)
+    return format(value, "g") if value in shares else format(value * scale, form)  # these are exact
