@@ -17,11 +17,11 @@ from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.describing.rows import score_rows
 from mirrorfold.folding import FoldSettings
 from mirrorfold.io.own.checks import check_reconstruction
 from mirrorfold.reporting.document import packed_levels, to_document
 from mirrorfold.reporting.page import _asset, to_html
-from mirrorfold.reporting.rows import score_rows
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 

@@ -21,10 +21,10 @@ from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, PASSED_LABEL, TRU
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors, remarks_on
+from mirrorfold.describing.rows import found_rows, mirror_rows, place_digits, points_by_chain, score_rows
 from mirrorfold.describing.settings import attribute_words, recorded_settings
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.io.exports.vtk import places
-from mirrorfold.reporting.rows import found_rows, mirror_rows, score_rows
 from mirrorfold.scoring.cells import point_cells
 
 if TYPE_CHECKING:
@@ -132,6 +132,7 @@ def to_document(
         "zero_db": zero,
         "images": {name: packed_levels(shown[name].values, zero, effort) for name in images},
         "margin": float(attrs.get("fold_wall_margin") or 0.0),
+        "digits": place_digits(reconstruction),
         "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
         "mirrors": mirrors,
         "least_confidence": float(attrs.get("fold_min_confidence", 0.0)),
@@ -142,7 +143,7 @@ def to_document(
             [str(name), attribute_words(str(name), value)] for name, value in attrs.items() if name not in elsewhere
         ],
         "facts": found_rows(trusted, mirrors),
-        "seen": _seen(trusted),
+        "seen": points_by_chain(trusted),
     }
     if scene is not None and scored:
         from mirrorfold.scoring.score import score
@@ -213,7 +214,7 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
 def _cells(objects: xr.Dataset, attrs: dict[Any, Any], picture: xr.DataArray) -> Array:
     """Diagonal of the resolution cell at each point (points,) [m]; that of `BLOB` pixels where it is unknown."""
     found = point_cells(objects, attrs)
-    pixel = np.hypot(*(_step(picture[name].values) for name in "xy"))
+    pixel = np.hypot(_step(picture["x"].values), _step(picture["y"].values))
     return np.full(objects.sizes.get("point", 0), BLOB * pixel) if found is None else found
 
 
@@ -260,16 +261,6 @@ def _points(objects: xr.Dataset, axes: str, zero: float, cells: Array) -> dict[s
         "doubles": [name for name, values in position.items() if values.dtype == np.float64],
         **{name: _base64(values.tobytes()) for name, values in position.items()},
         **{name: _base64(np.asarray(values, dtype="<f4").tobytes()) for name, values in columns.items()},
-    }
-
-
-def _seen(objects: xr.Dataset) -> dict[str, list[int]]:
-    """For each chain the number of points seen by way of it: [of objects, of walls]."""
-    walls = on_mirrors(objects)
-    chains = objects["chain"].values.astype(str)
-    return {
-        str(chain): [int((~walls & (chains == chain)).sum()), int((walls & (chains == chain)).sum())]
-        for chain in np.unique(chains)
     }
 
 

@@ -28,8 +28,7 @@ const roundStep = (wanted) => {
   return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= wanted * (1 - 1e-9));
 };
 const digitsOf = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-// Places in metres have as many digits as a pixel needs, and at least millimetres.
-const placeDigits = () => Math.max(3, digitsOf(state.content.grid.dx));
+const placeDigits = () => state.content.digits;
 const placeText = (value) => fixed(value, placeDigits());
 const metres = (value) => `${placeText(value)} m`;
 const decibel = (value, lowest) =>

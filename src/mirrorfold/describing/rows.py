@@ -1,4 +1,4 @@
-"""Rows of the tables in pages and notebooks: the mirrors of a reconstruction, how much was found, and its score."""
+"""What pages, pictures and notebooks tell of a reconstruction: its mirrors, how much was found, and its score."""
 
 from __future__ import annotations
 
@@ -75,6 +75,26 @@ def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[
     ]
     rows += [[bounce_label(int(b)), str(int(n))] for b, n in zip(bounces, counts, strict=True)]
     return [*rows, [PASSED_LABEL, str(int(passed.sum()))]] if passed.any() else rows
+
+
+def points_by_chain(objects: xr.Dataset) -> dict[str, list[int]]:
+    """For each chain the number of points seen by way of it: [of objects, of walls]."""
+    walls = on_mirrors(objects)
+    chains = objects["chain"].values.astype(str)
+    return {
+        str(chain): [int((~walls & (chains == chain)).sum()), int((walls & (chains == chain)).sum())]
+        for chain in np.unique(chains)
+    }
+
+
+def place_digits(reconstruction: xr.DataTree) -> int:
+    """Decimal places of positions in metres: as many as a pixel needs, and at least millimetres.
+
+    Lengths of mirrors have one less.
+    """
+    x = reconstruction.dataset["x"].values
+    pixel = float(x[-1] - x[0]) / max(x.size - 1, 1)
+    return max(3, int(np.ceil(-np.log10(pixel) - 1e-9))) if pixel > 0.0 else 3
 
 
 def score_rows(score: dict[str, Any]) -> dict[str, Any]:
