@@ -142,7 +142,8 @@ def test_each_part_of_a_reconstruction_can_be_drawn(what, reconstruction, scene_
     [
         (["r.nc", "-o", "x.gif"], "suffix '.gif'"),
         (["r.nc", "-o", "x.png", "--what", "score"], "needs --scene"),
-        (["r.nc", "-o", "x.png", "--what", "space"], "floor plan"),
+        (["r.nc", "-o", "x.png", "--what", "space"], "floor plan, it has no heights; draw it with --what before-after"),
+        (["r.nc", "-o", "x.png", "--what", "frames"], "has no frames; draw it with --what before-after"),
         (["r.nc", "-o", "x.png", "--dpi", "1"], "--dpi is 1"),
         (["r.nc", "-o", "x.png", "--floor-db", "3"], "negative"),
         (["s.nc", "-o", "x.png", "--what", "tree"], "no reconstruction"),
