@@ -24,7 +24,7 @@ from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS
 from mirrorfold.folding.earlier import initial_image
-from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.frames import named_frame
 from mirrorfold.folding.pictures import Grid
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_atomically
@@ -102,7 +102,7 @@ class Session:
         """Open the file, and set the state."""
         try:
             with self._lock:
-                document = self._first(pick_frame(cast(Any, load(self.path)), self.frame))
+                document = self._first(named_frame(cast(Any, load(self.path)), self.frame))
             self._state = {"status": "ready", "document": document}
         except InputError as error:
             self._state = {"status": "failed", "message": str(error)}
