@@ -18,10 +18,11 @@ def main() -> None:
     for name in ("drywall-mannequin", "drywall-control", "corridor"):
         scene = mf.load_scene(Path(str(files("mirrorfold").joinpath("scenes", "shipped", f"{name}.toml"))))
         result = mf.reconstruct(mf.simulate(scene, snr_db=20.0))
-        plot_volume.body(result, scene).savefig(HERE / f"raster-{name}-body.png", dpi=DPI)
-        if name != "drywall-control":
+        if name == "corridor":
             mf.plot.before_after(result, scene).savefig(HERE / f"raster-{name}-plan.png", dpi=DPI)
             plot_volume.space(result, scene).savefig(HERE / f"raster-{name}-space.png", dpi=DPI)
+        else:
+            plot_volume.body(result, scene).savefig(HERE / f"raster-{name}-body.png", dpi=DPI)
     studs()
 
 

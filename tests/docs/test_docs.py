@@ -119,6 +119,12 @@ def test_the_glossary_has_the_words_of_commands_and_files():
     assert "glossary.md" in (ROOT / "docs/index.md").read_text(encoding="utf-8")
 
 
+def test_every_picture_is_shown_by_a_page():
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    pictures = [*(ROOT / "docs/pictures").glob("*.png"), *(ROOT / "docs/reproduced").glob("*.png")]
+    assert [picture.name for picture in pictures if picture.name not in pages] == []
+
+
 def test_the_readme_opens_with_the_picture_and_is_short():
     lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
     assert lines[2].startswith("![")

@@ -151,6 +151,8 @@ def test_reconstruct_writes_one_folder_for_a_recording(sweep, tmp_path, monkeypa
     assert len(found.points_by_frame) == 2
     assert {"out/reconstruction.nc", "out/frames.png", "out/before_after.png", "out/report.html"} < set(found.files)
     assert "point target frame 0" in (tmp_path / "out/report.html").read_text()
+    assert main(["report", "out/reconstruction.nc", "--frame", "1", "-o", "one.html"]) == 0
+    assert "<title>point target frame 1 - mirrorfold</title>" in (tmp_path / "one.html").read_text()
     assert not (tmp_path / "out.frames").exists()
 
 

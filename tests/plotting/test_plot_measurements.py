@@ -14,6 +14,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.reporting.document import to_document
 from mirrorfold.sweep import make_raster_sweep
 
 
@@ -66,10 +67,28 @@ def test_the_tree_names_every_mirror_and_counts_its_points(reconstruction, ax):
     with style.context("dark_background"):
         mf.plot.tree(reconstruction, ax)
     mirror, root = sorted(text.get_text() for text in ax.texts)
-    assert root.startswith("radar\n2 of objects")
-    assert mirror == f"mirror 0\n{np.hypot(0.2, 0.7):.2f} m, 3 of objects"
+    assert root == "radar\npoints: 2 of objects,\n0 of walls"
+    assert mirror == f"mirror 0, {np.hypot(0.2, 0.7):.2f} m\npoints: 3 of objects,\n0 of walls"
     assert len(ax.lines) == 1
     assert {text.get_color() for text in ax.texts} == {"black"}  # in white boxes
+
+
+def test_the_tree_says_of_an_arc_and_of_walls_what_the_report_says(reconstruction, ax):
+    quarter = 0.5 * np.pi * 0.4
+    ends = {"x0": 0.4, "y0": 1.0, "x1": 0.0, "y1": 1.4, "xm": 0.4 * np.sqrt(0.5), "ym": 1.0 + 0.4 * np.sqrt(0.5)}
+    mirrors = reconstruction["mirrors"].to_dataset(inherit=False)
+    both = {f"{prefix}{name}": ("mirror", [value]) for name, value in ends.items() for prefix in ("", "folded_")}
+    reconstruction["mirrors"] = mirrors.assign(both | {"curvature": ("mirror", [2.5])})
+    objects = reconstruction["objects"].to_dataset(inherit=False)
+    reconstruction["objects"] = objects.assign(surface=("point", ["object", "mirror", "object", "object", "mirror"]))
+    mf.plot.tree(reconstruction, ax)
+    document = to_document(reconstruction)
+    assert document["mirrors"][0]["length"] == pytest.approx(quarter, rel=1e-3)
+    assert document["seen"] == {"": [1, 1], "0": [2, 1]}
+    assert sorted(text.get_text() for text in ax.texts) == [
+        f"mirror 0, {quarter:.2f} m\npoints: 2 of objects,\n1 of walls",
+        "radar\npoints: 1 of objects,\n1 of walls",
+    ]
 
 
 def test_the_score_is_drawn_as_it_is(ax):
@@ -123,7 +142,8 @@ def test_each_part_of_a_reconstruction_can_be_drawn(what, reconstruction, scene_
     [
         (["r.nc", "-o", "x.gif"], "suffix '.gif'"),
         (["r.nc", "-o", "x.png", "--what", "score"], "needs --scene"),
-        (["r.nc", "-o", "x.png", "--what", "space"], "floor plan"),
+        (["r.nc", "-o", "x.png", "--what", "space"], "floor plan, it has no heights; draw it with --what before-after"),
+        (["r.nc", "-o", "x.png", "--what", "frames"], "has no frames; draw it with --what before-after"),
         (["r.nc", "-o", "x.png", "--dpi", "1"], "--dpi is 1"),
         (["r.nc", "-o", "x.png", "--floor-db", "3"], "negative"),
         (["s.nc", "-o", "x.png", "--what", "tree"], "no reconstruction"),

@@ -17,6 +17,7 @@ from numpy.testing import assert_allclose
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.describing.rows import score_rows
 from mirrorfold.folding import FoldSettings
 from mirrorfold.io.own.checks import check_reconstruction
 from mirrorfold.reporting.document import packed_levels, to_document
@@ -124,7 +125,8 @@ def test_nothing_from_a_file_becomes_markup(reconstruction, scene_file, tmp_path
     assert names.count("script") == 3
     assert HOSTILE not in page
     document = content_of(page)
-    assert document["title"] == document["command"] == document["remark"] == HOSTILE
+    assert document["title"] == document["command"] == HOSTILE
+    assert document["remark"] == f"{HOSTILE}."
     assert [HOSTILE, "1"] in document["parameters"]
 
 
@@ -217,3 +219,10 @@ def test_the_verb_writes_the_page_or_says_why_not(reconstruction, scene_file, tm
 def test_the_template_is_filled_in_one_pass():
     page = to_html({"title": "{{style}}"}, title="{{program}}")
     assert "<title>{{program}} - mirrorfold</title>" in page
+
+
+def test_rounded_numbers_of_a_score_keep_their_digits():
+    part = {"points": 5, "accuracy_m": 0.0300001, "chamfer_m": 0.0289, "precision_2cm": 1.0, "completeness_2cm": 0.9996}
+    rows = {name: value for name, value, _ in score_rows({**part, "mirrors": []})["points"]}
+    assert [rows["accuracy [mm]"], rows["Chamfer distance [mm]"]] == ["30.0", "28.9"]
+    assert [rows["precision at 2 cm"], rows["completeness at 2 cm"]] == ["1", "1.000"]  # 1 is exact

@@ -11,6 +11,8 @@ from browser import number, opened, pixels, readout, settle, to_screen
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
+from mirrorfold.reporting.document import to_document
+from mirrorfold.reporting.page import to_html
 
 HOSTILE = "</script><img src=x onerror=alert(1)>"
 
@@ -34,6 +36,21 @@ def test_points_mean_the_same_in_header_tree_score_and_info(reconstruction, scen
 
 
 @pytest.mark.slow
+def test_the_words_of_the_tree_fit_their_boxes(reconstruction, tmp_path, chromium):
+    document = to_document(reconstruction) | {"seen": {"": [123456, 234567], "0": [1462, 2439]}}
+    path = tmp_path / "many.html"
+    path.write_text(to_html(document, title="many"))
+    with opened(chromium, path.as_uri()) as page:
+        for node in page.locator(".tree .node").all():
+            pill, more, what = (
+                node.locator(part).evaluate("(part) => { const { x, width } = part.getBBox(); return [x, x + width]; }")
+                for part in (".pill", ".more", ".what")
+            )
+            assert pill[0] < min(more[0], what[0])
+            assert max(more[1], what[1]) < pill[1] - 4
+
+
+@pytest.mark.slow
 def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium):
     groups = {node.path: node.to_dataset(inherit=False) for node in reconstruction.subtree}
     groups["/mirrors"] = groups["/mirrors"].isel(mirror=slice(0))
@@ -42,7 +59,10 @@ def test_an_empty_reconstruction_makes_a_page(reconstruction, tmp_path, chromium
     groups["/initial"]["initial"] = 0 * groups["/initial"]["initial"]
     path = mf.report(xr.DataTree.from_dict(groups), tmp_path / "empty.html")
     with opened(chromium, path.as_uri()) as page:
-        assert "No mirror was found" in page.inner_text("body")
+        # As the command line says.
+        assert (
+            page.locator(".notice").inner_text() == "No mirror was found; the image is unfolded. No object was found."
+        )
 
 
 @pytest.mark.slow
@@ -93,6 +113,20 @@ def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruct
         page.mouse.move(*to_screen(page, "initial", x, y))
         folded = [number(part) for part in readout(page)["folds to"].split(",")]
         assert_allclose(folded, [objects["x"][3], objects["y"][3]], atol=0.02)
+
+
+@pytest.mark.slow
+def test_confidence_is_told_within_a_resolution_cell(reconstruction, tmp_path, chromium):
+    band = {"image_frequency_start": 290e9, "image_frequency_stop": 310e9, "image_range_resolution": 0.01}
+    reconstruction.attrs |= {**band, "image_tx_aperture": 0.1}  # cells of 1.3 cm at 0.9 m
+    with opened(chromium, mf.report(reconstruction, tmp_path / "r.html").as_uri()) as page:
+        page.locator("[data-mode=side]").click()
+        settle(page)
+        for which in ("initial", "corrected"):
+            page.mouse.move(*to_screen(page, which, -0.107, 0.9))
+            assert number(readout(page)["confidence"]) == pytest.approx(0.9)
+            page.mouse.move(*to_screen(page, which, -0.07, 0.9))
+            assert readout(page)["confidence"] == "no point here"
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from browser import opened, readout, settle, to_screen
 from matplotlib.colors import to_hex
 
@@ -84,3 +85,20 @@ def test_the_page_says_that_they_stay(glass, tmp_path, chromium):
         table = page.get_by_role("table", name="Mirrors at their true places").inner_text().replace("\u00a0", " ")
     assert "5.35 \u00b1 0.22" in table
     assert "5.14 \u00b1 0.45" in table
+
+
+@pytest.mark.slow
+def test_of_two_points_the_nearer_one_says_whether_it_passed(glass, tmp_path, chromium):
+    objects = glass["objects"].to_dataset(inherit=False)
+    for axis, value in zip("xy", (0.222, 1.54), strict=True):
+        for suffix in ("", "_initial"):
+            objects[f"{axis}{suffix}"].values[1] = value
+    glass["objects"] = objects
+    glass["initial"] = xr.ones_like(glass["initial"].to_dataset(inherit=False))
+    with opened(chromium, mf.report(glass, tmp_path / "report.html").as_uri()) as page:
+        page.locator("[data-mode=side]").click()
+        settle(page)
+        page.mouse.move(*to_screen(page, "corrected", 0.178, 1.54))  # nearer to a reflection
+        assert "seen" not in readout(page)
+        page.mouse.move(*to_screen(page, "corrected", 0.22, 1.54))
+        assert readout(page)["seen"] == "through mirror 0, stays"

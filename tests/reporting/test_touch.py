@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose
 from serving import served, two_walls
 
 import mirrorfold as mf
+from mirrorfold.reporting.document import to_document
+from mirrorfold.reporting.page import to_html
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True, "device_scale_factor": 2}
 
@@ -51,6 +53,16 @@ def scale(page):
 @pytest.mark.slow
 def test_the_page_fits_a_phone(page):
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.slow
+def test_a_score_of_curved_mirrors_fits_a_phone(reconstruction, scene_file, tmp_path, chromium):
+    document = to_document(reconstruction, mf.load(scene_file))
+    document["score"]["mirrors"] = [["0", "pillar before the wall", "12.345", "12.34", "56.78"]]
+    path = tmp_path / "curved.html"
+    path.write_text(to_html(document, title="curved"))
+    with opened(chromium, path.as_uri(), **PHONE) as page:
+        assert page.evaluate("() => document.documentElement.scrollWidth") <= 390
 
 
 @pytest.mark.slow
@@ -150,6 +162,31 @@ def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan,
         assert page.evaluate("() => window.scrollY") > before + 60
 
 
+LABELS = """() => {
+    const found = [], old = CanvasRenderingContext2D.prototype.fillText;
+    CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+        const half = this.measureText(text).width / 2;
+        if (text.startsWith('x ')) found.push([x - half, x + half]);
+        old.call(this, text, x, y);
+    };
+    window.dispatchEvent(new Event(PRINTING ? 'beforeprint' : 'resize'));
+    return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(found))));
+}"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("printing", [False, True], ids=["on a phone", "on paper"])
+def test_labels_of_the_cross_section_stand_apart(folded_scan, tmp_path, chromium, printing):
+    path = mf.report(folded_scan, tmp_path / "volume.html")
+    with opened(chromium, path.as_uri(), **({} if printing else PHONE)) as page:
+        labels = np.array(page.evaluate(LABELS.replace("PRINTING", str(printing).lower())))
+        assert len(labels) >= 2
+        assert (np.diff(np.unique(labels, axis=0).ravel()) > 0).all()
+        # Without the sliders, words say which slice it is.
+        at = number(page.locator("#slice").input_value())
+        assert f"at y from {at - 0.1:.2f} to {at + 0.1:.2f} m" in page.locator("#slice-count").inner_text()
+
+
 @pytest.mark.slow
 def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
     path = tmp_path / "image.nc"
@@ -174,3 +211,13 @@ def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
         fingers(page, (to_screen(page, "initial", -0.3, 0.8), to_screen(page, "initial", 0.3, 0.5)))
         page.wait_for_timeout(500)
         assert len(server.session._lines) == 3
+        # Who taps the other picture is told where mirrors are drawn, and can scroll again.
+        page.locator("#draw").tap()
+        stage = page.locator(".stage")
+        assert "drawing" in stage.get_attribute("class")
+        page.locator(".panel[data-which=corrected]").evaluate("(panel) => panel.scrollIntoView()")
+        settle(page)
+        page.touchscreen.tap(*to_screen(page, "corrected", 0.0, 2.2))
+        page.wait_for_timeout(100)
+        assert "Draw in the initial image" in page.locator(".notice").first.inner_text()
+        assert "drawing" not in stage.get_attribute("class")

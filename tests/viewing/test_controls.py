@@ -7,7 +7,7 @@ import pytest
 from mirrorfold.errors import InputError
 from mirrorfold.folding import FoldSettings
 from mirrorfold.viewing.controls import CHANGEABLE, KEPT, check_value, controls
-from mirrorfold.viewing.session import held_settings
+from mirrorfold.viewing.held import held_settings
 
 USED = {
     name: {"bool": True}.get(

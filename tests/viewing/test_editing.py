@@ -86,6 +86,10 @@ def test_a_line_that_no_line_of_sight_meets_looks_unused(page):
     folded(page, 1)
     assert page.locator("#lines label").all_inner_texts() == ["mirror 0", "mirror 1", "mirror 2, not used"]
     assert page.locator("#lines label").nth(2).get_attribute("class") == "unused"
+    # Struck through, not paler: pale text is hard to read.
+    style = "(node) => [getComputedStyle(node).opacity, getComputedStyle(node).textDecorationLine]"
+    assert page.locator("#lines label").nth(2).evaluate(style) == ["1", "line-through"]
+    assert page.locator("text.unused").evaluate(style)[0] == "1"
     assert page.locator(".panel[data-which=initial] text.unused").text_content() == "2 not used"
     assert page.locator(".tree .node").count() == 3
 
@@ -179,3 +183,62 @@ def test_keys_in_a_field_of_text_are_those_of_the_browser(page):
     page.locator("#save-name").press("x")
     page.locator("#save-name").press("Control+z")
     assert same(state(page), changed)
+
+
+@pytest.mark.slow
+def test_the_slider_of_confidence_follows_the_setting(page):
+    before = state(page)
+    assert page.locator("#confidence").input_value() == "0.5"
+    page.locator("#set-min_confidence").fill("0.9")
+    folded(page, 1)
+    assert page.locator("#confidence").input_value() == "0.9"
+    assert page.locator("output[for=confidence]").inner_text() == "0.90"
+    page.locator("#confidence").fill("0.95")
+    page.locator("[data-line='1']").uncheck()
+    folded(page, 2)
+    assert page.locator("#confidence").input_value() == "0.95"  # chosen by hand, and no other setting
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    settle(page)
+    assert page.locator("#confidence").input_value() == "0.5"
+    assert same(state(page), before)
+
+
+@pytest.mark.slow
+def test_a_mirror_is_drawn_by_keys_and_drawing_ends_unused(page):
+    draw, stage = page.locator("#draw"), page.locator(".stage")
+    for end in (draw.click, lambda: page.keyboard.press("Escape")):
+        draw.click()
+        assert draw.get_attribute("aria-pressed") == "true"
+        assert "drawing" in stage.get_attribute("class")
+        end()
+        assert draw.get_attribute("aria-pressed") == "false"
+        assert "drawing" not in stage.get_attribute("class")
+    draw.focus()
+    page.keyboard.press("Enter")
+    folded(page, 1)
+    assert page.evaluate("() => document.activeElement.dataset.handle") == "2-2"
+    assert page.locator("#lines label").count() == 3
+    page.keyboard.press("ArrowUp")
+    folded(page, 2)
+    assert page.evaluate("() => document.activeElement.dataset.handle") == "2-2"
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    settle(page)
+    assert page.locator("#lines label").count() == 2
+
+
+@pytest.mark.slow
+def test_the_focus_stays_where_keys_are_pressed(page):
+    page.locator("[data-line='1']").focus()
+    page.keyboard.press("Space")
+    folded(page, 1)
+    assert page.evaluate("() => document.activeElement.dataset.line") == "1"
+    page.locator("#undo").focus()
+    page.keyboard.press("Enter")
+    settle(page)
+    assert page.locator("#undo").is_disabled()
+    assert page.evaluate("() => document.activeElement.id") == "redo"
+    page.keyboard.press("Enter")
+    settle(page)
+    assert page.evaluate("() => document.activeElement.id") == "undo"

@@ -8,7 +8,7 @@ from browser import opened
 from serving import served, two_walls
 
 import mirrorfold as mf
-from mirrorfold.viewing.session import what_is_lost
+from mirrorfold.viewing.held import what_is_lost
 
 
 def told(decided):
@@ -49,3 +49,19 @@ def test_no_column_of_the_page_ends_far_above_the_other(tmp_path, chromium):
         boxes = [page.locator(one).bounding_box() for one in (".left", "aside")]
     ends = [box["y"] + box["height"] for box in boxes]
     assert abs(ends[0] - ends[1]) < 250
+
+
+@pytest.mark.slow
+def test_after_an_edit_the_page_offers_and_says_only_what_is_so(tmp_path, chromium):
+    told = mf.fold(two_walls())
+    told.attrs |= {"command": "mirrorfold reconstruct sweep.nc -o out", "image_normalization": "none"}
+    mf.save(told, tmp_path / "r.nc")
+    with served(tmp_path / "r.nc") as server, opened(chromium, server.link()) as page:
+        assert page.locator("#set-copies").is_disabled()  # there is no sweep to find copies by
+        focusing = page.locator(".settings tr:has-text('focusing')").all_inner_texts()
+        assert focusing
+        assert page.locator(".command").inner_text().startswith(told.attrs["command"])
+        page.locator("[data-line='0']").uncheck()
+        page.wait_for_selector("html[data-folds='1']")
+        assert page.locator(".settings tr:has-text('focusing')").all_inner_texts() == focusing
+        assert page.locator(".command").is_hidden()  # the command of the file makes something else

@@ -18,9 +18,9 @@ from serving import OBJECTS, WALLS, served, two_walls
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.describing.rows import mirror_rows
 from mirrorfold.detection.mirrors.known_mirrors import read_mirrors
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.reporting.rows import mirror_rows
 from mirrorfold.viewing.controls import CHANGEABLE
 from mirrorfold.viewing.lines import line_of
 from mirrorfold.viewing.server import TOKEN_HEADER

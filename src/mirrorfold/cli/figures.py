@@ -11,6 +11,8 @@ import mirrorfold as mf
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import frame_count
+from mirrorfold.plotting.axes import draw_radar, mirror_lines, radar_of
+from mirrorfold.plotting.comparison import NO_MIRROR, legend_entries
 from mirrorfold.sweep.polarization import first_polarization
 
 
@@ -116,12 +118,17 @@ def _reconstruction(
     extent = mf.plot.content_extent(found, flat_truth, plan, folded=what == "corrected")
     if what == "corrected":
         axes = mf.plot.corrected(found, floor_db=floor_db, extent=extent)
+        entries = legend_entries(found, flat_truth, plan)
+        axes.figure.legend(handles=entries, loc="outside lower center", ncols=3, frameon=False)
     else:
         initial = found.children["initial"].dataset["initial"]
         axes = mf.plot.image(initial, floor_db=floor_db, normalization="none", extent=extent)
         if what == "mirrors":
             mf.plot.shadows(found, axes)
             mf.plot.mirrors(found, axes)
+            if not mirror_lines(found, folded=False):
+                axes.set_title(NO_MIRROR)
+        draw_radar(axes, radar_of(found))
     if flat_truth is not None:
         mf.plot.scene(flat_truth, axes)
     if plan is not None:

@@ -63,11 +63,12 @@ def report(
     json
         Print what was written as one JSON object.
     """
+    from mirrorfold.folding.frames import named_frame
     from mirrorfold.reporting import PAGES
 
     output_file(output, inputs=[reconstruction, scene, plan], suffixes=PAGES)
     truth = None if scene is None else mf.load_scene(scene)
-    found = mf.pick_frame(read(reconstruction, "reconstruction"), frame)
+    found = named_frame(read(reconstruction, "reconstruction"), frame)
     mf.report(found, output, scene=truth, plan=load_plan(plan))
     if json:
         show_json(Report(kind="report", bytes=output.stat().st_size, files=[str(output)]))

@@ -126,7 +126,7 @@ def write_results(
 
     For a recording, report and pictures show the first frame, and one picture shows all frames.
     """
-    from mirrorfold.folding.frames import frame_count
+    from mirrorfold.folding.frames import frame_count, named_frame
 
     mf.save(reconstruction, directory / RECONSTRUCTION)
     names = [RECONSTRUCTION, PICTURE]
@@ -134,8 +134,7 @@ def write_results(
         figure: Any = mf.plot.frames(reconstruction).figure
         save_figure(figure, directory / FRAMES, bbox_inches="tight")
         names.append(FRAMES)
-        reconstruction = mf.pick_frame(reconstruction, 0)
-        reconstruction.attrs["title"] = f"{reconstruction.attrs.get('title', '')} frame 0".strip()
+        reconstruction = named_frame(reconstruction, 0)
     mf.report(reconstruction, directory / REPORT, scene=scene, plan=plan)
     names.append(REPORT)
     save_figure(mf.plot.before_after(reconstruction, scene, plan=plan), directory / PICTURE)

@@ -59,12 +59,6 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         left_out, explained_here = (int(np.count_nonzero(of["explanation"] != "")) for of in (every, objects))
         doubted -= left_out - explained_here
     bounces, counts = np.unique(objects["bounces"].values, return_counts=True)
-    mirrors = mirror_table(reconstruction)
-    remarks = []
-    if said := str(reconstruction.attrs.get("remark", "" if mirrors else "no mirror was found; the image is unfolded")):
-        remarks.append(f"{said[0].upper()}{said[1:]}.")
-    if not objects.sizes.get("point", 0):
-        remarks.append("No object was found.")
     more: dict[str, Any] = {}
     if "wall" in objects:
         more["points_through_walls"] = int(passed_walls(objects).sum())
@@ -79,10 +73,18 @@ def describe_reconstruction(reconstruction: xr.DataTree) -> ReconstructionFacts:
         points_by_bounces={str(int(bounce)): int(count) for bounce, count in zip(bounces, counts, strict=True)},
         left_out=left_out,
         doubted=doubted,
-        mirrors=mirrors,
-        remarks=remarks,
+        mirrors=mirror_table(reconstruction),
+        remarks=remarks_on(reconstruction),
         **more,
     )
+
+
+def remarks_on(reconstruction: xr.DataTree) -> list[str]:
+    """Sentences on what looks wrong in a reconstruction, such as that nothing was found."""
+    found = reconstruction.children["mirrors"].to_dataset(inherit=False).sizes.get("mirror", 0)
+    said = str(reconstruction.attrs.get("remark", "" if found else "no mirror was found; the image is unfolded"))
+    remarks = [f"{said[0].upper()}{said[1:]}."] if said else []
+    return remarks if confident_points(reconstruction).sizes.get("point", 0) else [*remarks, "No object was found."]
 
 
 def on_mirrors(objects: xr.Dataset) -> NDArray[np.bool_]:

@@ -87,6 +87,14 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     return xr.DataTree.from_dict(nodes)
 
 
+def named_frame(obj: Framed, frame: int | None = None) -> Framed:
+    """As `pick_frame`, with the number of the frame in the title of what is picked by its number."""
+    picked = pick_frame(obj, frame)
+    if frame is not None and frame_count(obj) is not None:
+        picked.attrs = {**picked.attrs, "title": f"{picked.attrs.get('title', '')} frame {frame}".strip()}
+    return picked
+
+
 def _moved(table: xr.Dataset, by: int) -> xr.Dataset:
     """A table with the row numbers in its column `parent`, if it has one, raised by `by`; -1, for no parent, stays."""
     if "parent" not in table:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 Extent = tuple[float, float, float, float]
 
+DRAW_BEFORE_AFTER = "draw it with --what before-after, in Python with mf.plot.before_after"
+"""The remedy for a picture that a reconstruction does not have."""
+
 CURVE_STEP = 0.005
 """Length of the chords by which curved surfaces are drawn [m]."""
 

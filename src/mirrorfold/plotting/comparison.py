@@ -46,6 +46,8 @@ PANEL_HEIGHT, PANEL_WIDTH = 5.6, 12.0
 """Largest height of the panels of `before_after`, and width of both together [inch]."""
 
 
+NO_MIRROR = "no mirror found"
+
 NARROWEST = 2.4
 """Smallest width of a panel [inch], in which its title and three labels of its axis have room."""
 
@@ -106,8 +108,11 @@ def before_after(
             draw_scene(scene, panel)
         elif scene is not None:
             draw_space(cast("Scene3D", scene), panel)
-    left.set(xlim=before[:2], ylim=before[2:], title="initial image:\nmirrors and their shadows")
-    right.set(xlim=after[:2], ylim=after[2:], title="corrected:\nevery echo folded back")
+    found = len(mirror_lines(reconstruction, folded=False)) > 0
+    what = "mirrors and their shadows" if found else NO_MIRROR
+    left.set(xlim=before[:2], ylim=before[2:], title=f"initial image:\n{what}")
+    what = "every echo folded back" if found else "nothing to fold back"
+    right.set(xlim=after[:2], ylim=after[2:], title=f"corrected:\n{what}")
     for panel in (left, right):
         if plan is not None:
             draw_plan(plan, panel)
@@ -117,7 +122,7 @@ def before_after(
         return figure
     right.set(ylabel="", yticklabels=[])
     figure.colorbar(right.images[0], cax=bar, label=f"amplitude [dB], floor {floor_db:g} dB")
-    figure.legend(handles=_legend(reconstruction, scene, plan), loc="lower center", ncols=6, frameon=False)
+    figure.legend(handles=legend_entries(reconstruction, scene, plan), loc="lower center", ncols=6, frameon=False)
     return figure
 
 
@@ -195,7 +200,7 @@ def _is_flat(scene: Scene | Scene3D | None) -> TypeGuard[Scene]:
     return getattr(scene, "dimensions", 3) == 2
 
 
-def _legend(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
+def legend_entries(reconstruction: xr.DataTree, scene: Scene | Scene3D | None, plan: FloorPlan | None) -> list[Line2D]:
     """Entries of the legend: one for each colour in the picture, for the truth and for the floor plan."""
     objects = confident_points(reconstruction)
     passed = passed_walls(objects)

@@ -14,13 +14,13 @@ from matplotlib.patches import FancyBboxPatch
 from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import boolean
-from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import COLOURS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
+from mirrorfold.describing.rows import mirror_rows, place_digits, points_by_chain
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
-from mirrorfold.plotting.axes import axes_or_new, expect_reconstruction
+from mirrorfold.plotting.axes import axes_or_new, colour_of, expect_reconstruction
 from mirrorfold.sweep import ambiguous_range, check_sweep, is_raster
 
 if TYPE_CHECKING:
@@ -160,20 +160,14 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
     matplotlib.axes.Axes
     """
     expect_reconstruction("tree", reconstruction)
-    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
-    objects = confident_points(reconstruction)
-    parent = mirrors["parent"].values.astype(int)
-    chain = mirror_chains(mirrors)
-    held = objects["chain"].values.astype(str)
-    if "surface" in objects:
-        held = held[objects["surface"].values != "mirror"]
+    mirrors = mirror_rows(reconstruction)
+    seen, digits = points_by_chain(confident_points(reconstruction)), place_digits(reconstruction) - 1
     place: dict[int, tuple[float, float]] = {}
     rows = 0
 
     def put(number: int, depth: int) -> float:
         nonlocal rows
-        children = np.flatnonzero(parent == number)
-        heights = [put(int(child), depth + 1) for child in children]
+        heights = [put(mirror["number"], depth + 1) for mirror in mirrors if mirror["parent"] == number]
         if not heights:
             heights, rows = [float(-rows)], rows + 1
         place[number] = (2.2 * depth, 0.5 * (heights[0] + heights[-1]))
@@ -181,19 +175,18 @@ def tree(reconstruction: xr.DataTree, ax: Axes | None = None) -> Axes:
 
     put(-1, 0)
     depth = max(x for x, _ in place.values())
-    ax = axes_or_new(ax, (1.6 + 1.15 * depth, 0.6 + 0.62 * rows))
+    ax = axes_or_new(ax, (1.6 + 1.15 * depth, 0.6 + 0.85 * rows))
     for number, (x, y) in place.items():
         if number >= 0:
-            px, py = place[parent[number]]
+            px, py = place[mirrors[number]["parent"]]
             ax.plot([px + 0.85, 0.5 * (px + x), 0.5 * (px + x), x - 0.85], [py, py, y, y], color="0.6", linewidth=1.0)
-        count = int(np.count_nonzero(held == (chain[number] if number >= 0 else "")))
-        points = f"{count} of objects"
+        what, colour, chain = "radar", "black", ""
         if number >= 0:
-            sizes = [float(mirrors[f"{a}1"][number] - mirrors[f"{a}0"][number]) for a in "xyz" if f"{a}0" in mirrors]
-            text = f"mirror {number}\n{np.hypot.reduce(sizes):.2f} m, {points}"
-            colour = COLOURS[(int(mirrors["generation"][number]) - 1) % len(COLOURS)]
-        else:
-            text, colour = f"radar\n{points}", "black"
+            mirror = mirrors[number]
+            what, colour = f"mirror {number}, {mirror['length']:.{digits}f} m", colour_of(mirror["generation"] - 1)
+            chain = mirror["chain"]
+        objects, walls = seen.get(chain, (0, 0))
+        text = f"{what}\npoints: {objects} of objects,\n{walls} of walls"
         box = FancyBboxPatch((x - 0.82, y - 0.3), 1.64, 0.6, boxstyle="round,pad=0.03,rounding_size=0.12",
                              facecolor="white", edgecolor=colour, linewidth=1.6)  # fmt: skip
         ax.add_patch(box)

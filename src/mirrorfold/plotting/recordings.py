@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import frame_count
-from mirrorfold.plotting.axes import axes_or_new, draw_radar, in_metres, mirror_lines, radar_of
+from mirrorfold.plotting.axes import DRAW_BEFORE_AFTER, axes_or_new, draw_radar, in_metres, mirror_lines, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.plotting.figures import image
 
@@ -46,7 +46,7 @@ def frames(reconstruction: xr.DataTree, ax: Axes | None = None, *, floor_db: flo
     """
     count = frame_count(reconstruction)
     if count is None:
-        raise InputError("reconstruction: has no frames; draw it with plot.before_after")
+        raise InputError(f"reconstruction: has no frames; {DRAW_BEFORE_AFTER}")
     ax = axes_or_new(ax)
     strongest = reconstruction.dataset["intensity"].max("frame").fillna(0.0)
     extent = content_extent(reconstruction, folded=True)

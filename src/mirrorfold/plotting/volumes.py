@@ -22,6 +22,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import (
+    DRAW_BEFORE_AFTER,
     axes_or_new,
     draw_radar,
     draw_truth,
@@ -69,7 +70,7 @@ def _points(reconstruction: xr.DataTree) -> dict[str, Array]:
     expect_reconstruction("volume", reconstruction)
     objects = confident_points(reconstruction)
     if "z" not in objects.variables:
-        raise InputError("reconstruction: is a floor plan, it has no heights; draw it with plot.before_after")
+        raise InputError(f"reconstruction: is a floor plan, it has no heights; {DRAW_BEFORE_AFTER}")
     columns = {str(name): objects[name].values for name in objects.variables}
     return {"surface": np.full(len(columns["z"]), "object")} | columns
 

@@ -20,11 +20,12 @@ from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, reference
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.types import Array
-from mirrorfold.describing.reconstructions import on_mirrors
+from mirrorfold.describing.reconstructions import on_mirrors, remarks_on
+from mirrorfold.describing.rows import found_rows, mirror_rows, place_digits, points_by_chain, score_rows
 from mirrorfold.describing.settings import attribute_words, recorded_settings
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.io.exports.vtk import places
-from mirrorfold.reporting.rows import found_rows, mirror_rows, score_rows
+from mirrorfold.scoring.cells import point_cells
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -42,6 +43,12 @@ LARGEST_CLOUD = 40_000
 
 MARGIN = 0.18
 """Space left free around all points and mirrors, as a share of the larger side of their bounding box."""
+
+BLOB = 3
+"""Diagonal of a resolution cell in diagonals of a pixel, where the file does not say what was resolved."""
+
+DIGITS = 6
+"""Decimal places of true lines [m], finer than any wavelength."""
 
 CURVE_STEP = 0.01
 """Length of the chords by which true curves are drawn [m]."""
@@ -101,7 +108,7 @@ def to_document(
     mirrors = mirror_rows(reconstruction)
     truth = [] if scene is None else truth_lines(scene)
     if plan is not None:
-        truth += [np.round(line, 4).tolist() for line in plan.lines]
+        truth += [np.round(line, DIGITS).tolist() for line in plan.lines]
     if extent is None:
         extent = shown_extent(reconstruction, truth)
     shown = {
@@ -115,7 +122,7 @@ def to_document(
         "version": __version__,
         "dimensions": dimensions,
         "title": title_of(reconstruction, scene),
-        "remark": str(attrs.get("remark", "")),
+        "remark": " ".join(remarks_on(reconstruction)),
         "command": str(attrs.get("command", "")),
         "colours": list(COLOURS),
         "truth_colour": TRUTH_COLOUR,
@@ -125,17 +132,18 @@ def to_document(
         "zero_db": zero,
         "images": {name: packed_levels(shown[name].values, zero, effort) for name in images},
         "margin": float(attrs.get("fold_wall_margin") or 0.0),
+        "digits": place_digits(reconstruction),
         "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
         "mirrors": mirrors,
         "least_confidence": float(attrs.get("fold_min_confidence", 0.0)),
-        "points": _points(objects, axes, zero),
+        "points": _points(objects, axes, zero, _cells(objects, attrs, shown["corrected"])),
         "truth": truth,
         "settings": [setting._asdict() for setting in settings],
         "parameters": [
             [str(name), attribute_words(str(name), value)] for name, value in attrs.items() if name not in elsewhere
         ],
         "facts": found_rows(trusted, mirrors),
-        "seen": _seen(trusted),
+        "seen": points_by_chain(trusted),
     }
     if scene is not None and scored:
         from mirrorfold.scoring.score import score
@@ -156,10 +164,10 @@ def truth_lines(scene: Scene | Scene3D) -> list[list[list[float]]]:
     """True surfaces as polylines [m]; in three dimensions the edges of walls, and sections of round objects."""
     if scene.dimensions == 2:
         pieces = [piece for surface in scene.surface for piece in surface.pieces(CURVE_STEP)]
-        return [np.round(piece, 4).tolist() for piece in pieces]
+        return [np.round(piece, DIGITS).tolist() for piece in pieces]
     from mirrorfold.plotting.outlines import wireframe
 
-    return [np.round(line, 4).tolist() for line in wireframe(scene)]
+    return [np.round(line, DIGITS).tolist() for line in wireframe(scene)]
 
 
 def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) -> tuple[float, float, float, float]:
@@ -203,13 +211,20 @@ def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) 
     return {"data": _base64(zlib.compress(difference.tobytes(), effort)), "lowest": LOWEST_DB, "step": step}
 
 
-def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
+def _cells(objects: xr.Dataset, attrs: dict[Any, Any], picture: xr.DataArray) -> Array:
+    """Diagonal of the resolution cell at each point (points,) [m]; that of `BLOB` pixels where it is unknown."""
+    found = point_cells(objects, attrs)
+    pixel = np.hypot(_step(picture["x"].values), _step(picture["y"].values))
+    return np.full(objects.sizes.get("point", 0), BLOB * pixel) if found is None else found
+
+
+def _points(objects: xr.Dataset, axes: str, zero: float, cells: Array) -> dict[str, Any]:
     """The columns of the table of points, each as float32 in base64; places far from the origin, those that `doubles`
     names, as float64.
 
-    The columns are places, level, confidence, bounces, whether the point is on the face of a mirror, and the indices of
-    its chain, of its explanation, and of the chain of the wall that it was seen through, in the lists `chains`,
-    `reasons` and `walls`.
+    The columns are places, level, confidence, resolution cell [m], bounces, whether the point is on the face of a
+    mirror, and the indices of its chain, of its explanation, and of the chain of the wall that it was seen through, in
+    the lists `chains`, `reasons` and `walls`.
     """
     total = objects.sizes.get("point", 0)
     chosen = np.arange(total)
@@ -230,6 +245,7 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
     columns = {
         "level": level,
         "confidence": objects["confidence"].values[chosen],
+        "cell": cells[chosen],
         "bounces": objects["bounces"].values[chosen],
         "chain": number.ravel(),
         "reason": reason.ravel(),
@@ -245,16 +261,6 @@ def _points(objects: xr.Dataset, axes: str, zero: float) -> dict[str, Any]:
         "doubles": [name for name, values in position.items() if values.dtype == np.float64],
         **{name: _base64(values.tobytes()) for name, values in position.items()},
         **{name: _base64(np.asarray(values, dtype="<f4").tobytes()) for name, values in columns.items()},
-    }
-
-
-def _seen(objects: xr.Dataset) -> dict[str, list[int]]:
-    """For each chain the number of points seen by way of it: [of objects, of walls]."""
-    walls = on_mirrors(objects)
-    chains = objects["chain"].values.astype(str)
-    return {
-        str(chain): [int((~walls & (chains == chain)).sum()), int((walls & (chains == chain)).sum())]
-        for chain in np.unique(chains)
     }
 
 

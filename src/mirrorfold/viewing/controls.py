@@ -20,6 +20,9 @@ CHANGEABLE: dict[str, Rule] = {
 }
 """Declaration of each setting for which the page has a control."""
 
+TESTED = ("copies",)
+"""Settings of tests that need the sweep."""
+
 LEVEL_SPAN = 24.0
 """How far the slider of a level extends to both sides of the value that was used [dB]: a factor of 16 in amplitude."""
 
@@ -37,20 +40,23 @@ MORE_COUNTS = 5
 """Number of counts to choose from beyond the smallest one."""
 
 
-def controls(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+def controls(values: Mapping[str, Any], *, tested: bool = True) -> list[dict[str, Any]]:
     """Descriptions of the controls, one for each setting, from which the page draws them.
 
     Parameters
     ----------
     values : mapping
         The settings as they were used, by name.
+    tested : bool, default True
+        Whether a sweep is at hand that tests echoes. Without one, settings of `TESTED` change nothing.
 
     Returns
     -------
     list of dict
         `name`, `label`, `unit`, `meaning`, and `kind`: "switch"; "choice" among `choices`; "range", a slider with
         `lowest`, `highest` and `step`; or "number", a field to type in, where the value tells no useful ends of a
-        slider. None among the choices, or an empty field, stands for the default.
+        slider. None among the choices, or an empty field, stands for the default. `works` is false where the setting
+        changes nothing.
     """
     return [
         {
@@ -58,6 +64,7 @@ def controls(values: Mapping[str, Any]) -> list[dict[str, Any]]:
             "label": label(name, rule),
             "unit": rule.unit,
             "meaning": rule.meaning,
+            "works": tested or name not in TESTED,
             **_kind(name, values[name]),
         }
         for name, rule in CHANGEABLE.items()

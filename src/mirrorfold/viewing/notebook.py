@@ -32,10 +32,10 @@ def to_html(tree: xr.DataTree) -> str:
     """
     if tree.attrs.get("mirrorfold_kind") != "reconstruction" or tree.parent is not None:
         return _plain(tree)
+    from mirrorfold.describing.rows import found_rows, mirror_rows
     from mirrorfold.errors import InputError
     from mirrorfold.io.own.checks import check_reconstruction
     from mirrorfold.reporting.document import title_of
-    from mirrorfold.reporting.rows import found_rows, mirror_rows
 
     try:
         checked = check_reconstruction(tree)

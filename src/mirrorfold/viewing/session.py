@@ -6,7 +6,7 @@ import os
 import re
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -22,17 +22,17 @@ from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, write_mirr
 from mirrorfold.errors import InputError
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
-from mirrorfold.folding import PRESETS, FoldSettings
-from mirrorfold.folding.confident import confident_points, passed_walls
+from mirrorfold.folding import PRESETS
 from mirrorfold.folding.earlier import initial_image
-from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.frames import named_frame
+from mirrorfold.folding.pictures import Grid
 from mirrorfold.io import load, save
 from mirrorfold.io.files import check_output, directory_written_atomically
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reporting.document import shown_extent, shown_grid, to_document, truth_lines
 from mirrorfold.sweep import is_raster
-from mirrorfold.tree.half_transparent.transparent import BY_POLARIZATION
 from mirrorfold.viewing.controls import CHANGEABLE, check_value, controls
+from mirrorfold.viewing.held import held_settings, what_is_lost
 from mirrorfold.viewing.lines import line_of, without_straight_middle
 from mirrorfold.viewing.repeating import command_to_repeat
 
@@ -102,7 +102,7 @@ class Session:
         """Open the file, and set the state."""
         try:
             with self._lock:
-                document = self._first(pick_frame(cast(Any, load(self.path)), self.frame))
+                document = self._first(named_frame(cast(Any, load(self.path)), self.frame))
             self._state = {"status": "ready", "document": document}
         except InputError as error:
             self._state = {"status": "failed", "message": str(error)}
@@ -130,6 +130,7 @@ class Session:
         preset = "default"
         plan: FoldPlan | None = None
         self._note = ""
+        self._opened = found if isinstance(found, xr.DataTree) else None
         if isinstance(found, xr.DataTree):
             reconstruction = found
             self._note = what_is_lost(reconstruction)
@@ -149,6 +150,8 @@ class Session:
                 f"{self.path}: is a scene, expected a sweep, an image or a reconstruction; simulate it first"
             )
         self.editable = "z" not in reconstruction.children["objects"].variables
+        # What the file says of its image, which a fold of a reconstruction takes to be normalized.
+        self._of_image = {name: value for name, value in reconstruction.attrs.items() if str(name).startswith("image_")}
         held = held_settings(reconstruction.attrs, PRESETS[preset])
         self._preset = preset
         self._settings = {name: value for name, value in held.items() if name in CHANGEABLE}
@@ -168,10 +171,13 @@ class Session:
             self._plan = FoldPlan(reconstruction) if plan is None else plan
             self._grid = shown_grid(initial_image(reconstruction), self._extent, LIVE_PIXELS)
             # The first fold computes what all further folds share, and the settings that are chosen from the image.
-            first = self._plan.fold(**self._arguments(self._settings, self._lines), grid=self._grid)
+            first = self._fold(self._settings, self._lines, grid=self._grid)
             used = held_settings(first.attrs, PRESETS[preset])
             self._settings = {name: used[name] for name in CHANGEABLE}
-        return {**document, **self._edit_state()}
+        state = self._edit_state()
+        self._first_settings = self._settings
+        self._first_lines = None if state["lines"] is None else check_mirrors(state["lines"])
+        return {**document, **state}
 
     def _edit_state(self) -> dict[str, Any]:
         """The part of a document about editing: controls, their values, given mirrors, and the name to save under."""
@@ -179,7 +185,7 @@ class Session:
         return {
             "editable": self.editable,
             "values": {**self._settings},
-            "controls": controls(self._settings) if self.editable else [],
+            "controls": controls(self._settings, tested=self._sweep is not None) if self.editable else [],
             "lines": lines,
             "note": self._note if self.editable else "",
             "file": self.path.name,
@@ -213,7 +219,7 @@ class Session:
         settings, lines = self._checked(request)
         start = time.perf_counter()
         with self._stoppable(request):
-            found = self._plan.fold(**self._arguments(settings, lines), grid=self._grid)
+            found = self._fold(settings, lines, grid=self._grid)
         with self._lock:
             self._settings, self._lines = settings, lines
         document = to_document(
@@ -265,7 +271,9 @@ class Session:
                     del self._stops[page]
 
     def save(self, request: Any) -> dict[str, Any]:
-        """Fold with the given settings and mirrors, with all pixels, and save the result beside the viewed file.
+        """Save a fold with the given settings and mirrors, with all pixels, beside the viewed file.
+
+        A reconstruction of which nothing was changed is saved as it was opened, without a new fold.
 
         Parameters
         ----------
@@ -276,7 +284,7 @@ class Session:
         Returns
         -------
         dict
-            The saved `files`, and the `command` that makes the same result again.
+            The saved `files`, and the `command` that makes the same result again, empty where it is unknown.
 
         Raises
         ------
@@ -291,14 +299,14 @@ class Session:
             raise InputError(f"the name to save under is {name!r}, expected a plain name that ends in .nc")
         output = check_output(self.path.parent / name, inputs=[self.path])
         mirrors = output.with_suffix(".mirrors.json")
-        files = [output] if lines is None else [output, mirrors]
+        unchanged = self._opened if self._is_first(settings, lines) else None
+        files = [output] if lines is None or unchanged is not None else [output, mirrors]
         replace = request.get("replace") is True
         _check_free(files, replace=replace)
         with self._stoppable(request):
-            result = self._plan.fold(**self._arguments(settings, lines))
-        with self._saving:
-            _check_free(files, replace=replace)  # another page may have saved meanwhile
-            command = command_to_repeat(
+            result = self._fold(settings, lines) if unchanged is None else unchanged
+        if unchanged is None:
+            result.attrs["command"] = command_to_repeat(
                 self.path,
                 output,
                 {**settings, **self._kept},
@@ -308,16 +316,25 @@ class Session:
                 focused=self._focused,
                 tested=self._sweep is not None,
             )
-            result.attrs["command"] = command
+        with self._saving:
+            _check_free(files, replace=replace)  # another page may have saved meanwhile
             with directory_written_atomically(output.parent) as folder:
-                if lines is not None:
+                if lines is not None and mirrors in files:
                     write_mirrors(lines, folder / mirrors.name)
                 save(result, folder / output.name)
-        return {"files": [str(file) for file in files], "command": command}
+        return {"files": [str(file) for file in files], "command": str(result.attrs.get("command", ""))}
 
-    def _arguments(self, settings: dict[str, Any], lines: Array | None) -> dict[str, Any]:
-        """The arguments of a fold: mirrors, preset, and all settings."""
-        return {"mirrors": lines, "preset": self._preset, **self._kept, **settings}
+    def _is_first(self, settings: dict[str, Any], lines: Array | None) -> bool:
+        """Whether settings and mirrors are those with which the file was opened."""
+        if lines is None or self._first_lines is None:
+            return settings == self._first_settings and lines is self._first_lines
+        return settings == self._first_settings and np.array_equal(lines, self._first_lines)
+
+    def _fold(self, settings: dict[str, Any], lines: Array | None, grid: Grid | None = None) -> xr.DataTree:
+        """A fold with these settings and mirrors, by default with all pixels."""
+        found = self._plan.fold(mirrors=lines, preset=self._preset, **self._kept, **settings, grid=grid)
+        found.attrs |= self._of_image
+        return found
 
     def _checked(self, request: Any) -> tuple[dict[str, Any], Array | None]:
         """The settings, those not in the request as before, and the mirrors of a request.
@@ -353,34 +370,3 @@ def _check_free(files: list[Path], *, replace: bool) -> None:
         raise ConflictError(
             f"{' and '.join(there)}: is there already; save once more to replace it, or change the name"
         )
-
-
-def what_is_lost(reconstruction: xr.DataTree) -> str:
-    """What gets lost when a reconstruction is folded anew, as a note for the page; empty where nothing does."""
-    objects = confident_points(reconstruction)
-    told = "decided" in objects and objects["decided"].values[passed_walls(objects)] == BY_POLARIZATION
-    if not (count := int(np.count_nonzero(told))):
-        return ""
-    points = "1 point was" if count == 1 else f"{count} points were"
-    return (
-        f"{points} told by a second polarization to have passed through a wall. This file holds one polarization: "
-        "folded anew, they are taken for reflections. Open the sweep or the image to keep them."
-    )
-
-
-def held_settings(attrs: Mapping[Any, Any], defaults: FoldSettings) -> dict[str, Any]:
-    """Every setting of folding as the attributes of a reconstruction record it, else its default.
-
-    Defaults are taken because files of other versions lack some settings, or have values that this version does not
-    know.
-    """
-    held = {}
-    for name, rule in FoldSettings.rules().items():
-        value: Any = attrs.get(f"fold_{name}")
-        value = value.item() if isinstance(value, np.generic) else value
-        try:
-            rule.check(name, value)
-        except InputError:
-            value = getattr(defaults, name)
-        held[name] = value
-    return held

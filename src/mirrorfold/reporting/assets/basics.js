@@ -22,7 +22,15 @@ const MINUS = "\u2212";
 const fixed = (value, digits) =>
   value === null || value === undefined || !Number.isFinite(value) ? "\u2013"
     : (Number(value.toFixed(digits)) + 0 || 0).toFixed(digits).replace("-", MINUS);
-const metres = (value) => `${fixed(value, 3)} m`;
+// The least of 1, 2 and 5 times a power of ten that is not below a length.
+const roundStep = (wanted) => {
+  const power = 10 ** Math.floor(Math.log10(wanted));
+  return [1, 2, 5, 10].map((k) => k * power).find((step) => step >= wanted * (1 - 1e-9));
+};
+const digitsOf = (step) => Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+const placeDigits = () => state.content.digits;
+const placeText = (value) => fixed(value, placeDigits());
+const metres = (value) => `${placeText(value)} m`;
 const decibel = (value, lowest) =>
   Number.isFinite(value) ? `${value <= lowest ? "\u2264 " : ""}${fixed(value, 1)} dB` : "nothing";
 const bouncesText = (n) => (n === 0 ? "in line of sight" : n === 1 ? "1 bounce" : `${n} bounces`);
@@ -145,7 +153,7 @@ const kindOf = (points, i) => (points.passed[i] === undefined ? points.bounces[i
 const kindColour = (kind) => (kind === PASSED ? state.content.passed.colour : colourOf(kind));
 const kindText = (kind) => (kind === PASSED ? state.content.passed.label : bouncesText(kind));
 function pointShown(points, i) {
-  return points.confidence[i] >= state.confidence && !state.hidden.has(kindOf(points, i));
+  return points.confidence[i] >= Math.fround(state.confidence) && !state.hidden.has(kindOf(points, i));
 }
 const pointLit = (points, i) => state.lit === null || points.ways[points.chain[i]].includes(state.lit);
 

@@ -75,8 +75,13 @@ function goTo(at) {
   edit.showSettings();
   if (content) show(content); else refold();
 }
+// Take a fold for what is shown; where the least confidence has changed, the slider follows.
+function take(content) {
+  const same = content.least_confidence === state.content.least_confidence;
+  Object.assign(state, { content, confidence: same ? state.confidence : content.least_confidence, lit: null, spot: null });
+}
 function show(content) {
-  Object.assign(state, { content, lit: null, spot: null });
+  take(content);
   if (content.truth.length && !content.score) scoreLater();
   changed();
 }
@@ -114,7 +119,7 @@ async function refold() {
       step.content = content;
       const now = edit.steps[edit.at];
       if (now !== step && now.content) continue;
-      Object.assign(state, { content, lit: null, spot: null });
+      take(content);
       edit.message = "";
       edit.took = performance.now() - start;
       document.documentElement.dataset.folds = String(Number(document.documentElement.dataset.folds || 0) + 1);
@@ -167,7 +172,7 @@ function handlesOf(panel) {
     for (const [i, [x, y]] of spots.entries())
       parts.push(svg(i < 2 ? "circle" : "rect", { class: "handle", stroke: "currentColor", tabindex: "0", role: "slider",
         "data-handle": `${k}-${i}`, "aria-label": `${i < 2 ? `end ${i} of` : "all of"} mirror ${k}: arrow keys move it, shift makes small steps`,
-        "aria-valuetext": (i < 2 ? [ends[i]] : ends).map((end) => end.map((v) => fixed(v, 3)).join(", ")).join("; "), "aria-valuenow": "0",
+        "aria-valuetext": (i < 2 ? [ends[i]] : ends).map((end) => end.map(placeText).join(", ")).join("; "), "aria-valuenow": "0",
         ...(i < 2 ? { cx: x, cy: y, r: 5.5 } : { x: x - 4.5, y: y - 4.5, width: 9, height: 9, rx: 2 }),
         onpointerdown: (event) => drag(panel, k, i, event), onkeydown: (event) => nudge(k, i, event) }));
     return parts;
@@ -203,34 +208,42 @@ function drag(panel, k, handle, event) {
   });
 }
 function nudge(k, handle, event) {
-  const size = event.shiftKey ? 0.001 : 0.01;
+  const size = roundStep(state.content.grid.dx) * (event.shiftKey ? 0.1 : 1);
   const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
   if (!step) return;
   event.preventDefault();
   move(k, handle, size * step[0], size * step[1]);
 }
 
-// Draw a mirror by hand: press at one end, let go at the other.
+// Draw a mirror by hand: press at one end, let go at the other. The button once more, or Escape, ends it.
+function setDrawing(button, stage, draw) {
+  state.draw = draw;
+  button.setAttribute("aria-pressed", String(draw !== null));
+  stage.classList.toggle("drawing", draw !== null);
+}
 function startDrawing(button, stage) {
-  stage.classList.add("drawing");
-  state.draw = (panel, event) => {
-    state.draw = null;
-    button.setAttribute("aria-pressed", "false");
+  setDrawing(button, stage, (panel, event) => {
+    setDrawing(button, stage, null);
     if (panel.which !== "initial") { edit.message = "Draw in the initial image: that is where mirrors are seen."; changed(); return; }
     const start = panel.toWorld(panel.place(event)), before = edit.lines, line = { points: [start, [...start]], on: true };
     edit.lines = [...lines(), line];
     follow((moved) => { line.points = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
-      stage.classList.remove("drawing");
       const [a, b] = line.points.map((end) => panel.toScreen(end));
       if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 8) edit.lines = before; else { remember(); refold(); }
       changed();
     });
     changed();
-  };
+  });
+}
+// Without a pointer: a line across the middle of the picture, to be moved by its handles.
+function insertLine(panel) {
+  const k = lines().length, y = panel.height / 2 + 14 * (k % 6);
+  change((all) => all.push({ points: [0.4, 0.6].map((share) => panel.toWorld([share * panel.width, y])), on: true }));
+  requestAnimationFrame(() => panel.layer.querySelector(`[data-handle="${k}-2"]`)?.focus({ preventScroll: true }));
 }
 
 // A row for one setting, as the server describes its control; `show` sets it to the value that is in force.
-function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highest, step }) {
+function makeSetting({ name, label, unit, meaning, works, kind, choices, lowest, highest, step }) {
   const id = `set-${name}`, shown = el("output", { for: id });
   const digits = step ? Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) : 4;
   const say = (value) => { shown.textContent = kind === "range" ? `${fixed(value, digits)} ${unit}` : kind === "number" ? unit : ""; };
@@ -246,6 +259,7 @@ function makeSetting({ name, label, unit, meaning, kind, choices, lowest, highes
       onchange: (event) => { gesture = {}; take(event.target.value === "" ? null : Number(event.target.value)); } }),
   };
   const input = makers[kind]();
+  input.disabled = !works;
   const show = () => {
     const value = edit.settings[name];
     if (kind === "switch") input.checked = value;
@@ -268,7 +282,15 @@ function makeLive(panels) {
   panels[0].handles = () => handlesOf(panels[0]);
   const settings = edit.controls.map(makeSetting);
   const list = el("div", { class: "legend", id: "lines" });
-  const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false", onclick: () => { pencil.setAttribute("aria-pressed", "true"); startDrawing(pencil, panels[0].node.parentNode); } }, "draw a mirror");
+  const stage = panels[0].node.parentNode;
+  const pencil = el("button", { type: "button", id: "draw", "aria-pressed": "false",
+    title: "press at one end and let go at the other; the key Enter inserts a line, which the arrow keys move",
+    onclick: (event) => {
+      if (state.draw) setDrawing(pencil, stage, null);
+      else if (event.detail === 0) insertLine(panels[0]); // pressed by a key
+      else startDrawing(pencil, stage);
+    } }, "draw a mirror");
+  document.addEventListener("keydown", (event) => { if (event.key === "Escape") setDrawing(pencil, stage, null); });
   edit.showSettings = () => settings.forEach((setting) => setting.show());
   const undo = el("button", { type: "button", id: "undo", title: "Ctrl+Z", onclick: () => goTo(edit.at - 1) }, "undo");
   const redo = el("button", { type: "button", id: "redo", title: "Ctrl+Y or Ctrl+Shift+Z", onclick: () => goTo(edit.at + 1) }, "redo");
@@ -284,25 +306,32 @@ function makeLive(panels) {
     try { edit.saved = await ask("api/save", { ...request(), name: name.value, replace }); edit.message = ""; }
     catch (error) { edit.message = error.message; edit.saved = null; if (error.conflict) save.replaces = name.value; }
     save.disabled = false;
+    if (document.activeElement === document.body) save.focus();
     changed();
   } }, "save");
   let drawn = null;
   painters.push(() => {
+    const pressed = document.activeElement;
     undo.disabled = !edit.steps[edit.at - 1];
     redo.disabled = !edit.steps[edit.at + 1];
     again.disabled = state.content === edit.first.content;
+    // A button that is switched off hands the focus to one that is not.
+    if (pressed.disabled) [undo, redo].find((button) => [undo, redo, again].includes(pressed) && !button.disabled)?.focus();
     const all = lines(), key = JSON.stringify(all.map((line, k) => [line.on, used(k)]));
     if (drawn !== key) {
       drawn = key;
+      const held = list.contains(pressed) ? pressed.dataset.line : null;
       list.replaceChildren(...all.map((line, k) => el("label", { class: line.on && used(k) ? "" : "unused" }, el("input", { type: "checkbox", "data-line": String(k), checked: line.on,
         onchange: (event) => change((now) => { now[k].on = event.target.checked; }) }), `mirror ${k}${line.on && !used(k) ? ", not used" : ""}`)));
+      if (held !== null) list.querySelector(`[data-line="${held}"]`)?.focus({ preventScroll: true });
     }
     cancel.hidden = !edit.busy;
     took.textContent = edit.busy ? "folding \u2026" : state.content === edit.first.content ? "as it is in the file"
       : edit.took === null ? "" : `folded in ${Math.round(edit.took)} ms${edit.lines ? ", with these mirrors" : ""}`;
     if (saved.drawn !== edit.saved) {
       saved.drawn = edit.saved;
-      saved.replaceChildren(...(edit.saved ? [el("p", { class: "hint" }, `saved ${edit.saved.files.join(", ")}; the same again:`), el("pre", { tabindex: "0" }, edit.saved.command)] : []));
+      saved.replaceChildren(...(edit.saved ? [el("p", { class: "hint" }, `saved ${edit.saved.files.join(", ")}${edit.saved.command ? "; the same again:" : ""}`),
+        edit.saved.command ? el("pre", { tabindex: "0" }, edit.saved.command) : ""] : []));
     }
   });
   return { notice, card: el("section", { class: "card noprint" }, el("h2", {}, "Fold"), settings.map((setting) => setting.row),

@@ -39,8 +39,9 @@ function makeLegend() {
 
 function makeControls() {
   const confidence = el("input", { type: "range", id: "confidence", min: "0", max: "1", step: "0.01", value: String(state.confidence) });
-  const shown = el("output", { for: "confidence" }, fixed(state.confidence, 2));
-  confidence.addEventListener("input", () => { state.confidence = Number(confidence.value); shown.textContent = fixed(state.confidence, 2); changed(); });
+  const shown = el("output", { for: "confidence" });
+  confidence.addEventListener("input", () => { state.confidence = Number(confidence.value); changed(); });
+  painters.push(() => { confidence.value = String(state.confidence); shown.textContent = fixed(state.confidence, 2); });
   return [...makeScale(), el("label", { class: "control" }, el("span", {}, "confidence \u2265"), confidence, shown)];
 }
 
@@ -110,7 +111,7 @@ function compose(page) {
     el("div", { class: "below" }, state.content ? makeSpace() : "",
       el("section", { class: "card full" }, el("h2", {}, "Mirrors at their true places"), makeMirrors()),
       makeScore(),
-      el("section", { class: "card full" }, el("h2", {}, "Command"), makeCommand()),
+      makeCommand(),
       el("section", { class: "card full" }, el("h2", {}, "Parameters"), makeParameters())),
     el("footer", {}, `Made by mirrorfold ${state.content ? state.content.version : ""}. Amplitudes are relative to the brightest pixels of the initial image. Lengths in metres, x across, y away from the radar.`));
   window.addEventListener("resize", changed);

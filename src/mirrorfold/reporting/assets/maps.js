@@ -186,7 +186,7 @@ class Panel {
     const colour = mirrorColour(mirror), number = String(mirror.number), points = this.polyline(curveOf(ends, through));
     const line = (name) => svg("polyline", { class: name, points, fill: "none", stroke: name === "line" ? colour : undefined });
     return svg("g", { class: state.lit === mirror.number ? "mirror lit" : "mirror", tabindex: "0", role: "img", "data-number": number,
-      "aria-label": `mirror ${mirror.name}, generation ${mirror.generation}, ${fixed(mirror.length, 2)} metres`, ...lights(mirror.number) },
+      "aria-label": `mirror ${mirror.name}, generation ${mirror.generation}, ${fixed(mirror.length, placeDigits() - 1)} metres`, ...lights(mirror.number) },
       line("halo"), line("line"), line("hit"),
       svg("circle", { class: "number", cx: mx, cy: my, r: 9.5, fill: colour }),
       svg("text", { class: "label", x: mx, y: my + 0.5 }, mirror.name));
@@ -195,14 +195,13 @@ class Panel {
     const wanted = 0.18 * this.width / state.view.scale, power = 10 ** Math.floor(Math.log10(wanted));
     const length = [5, 2, 1].map((k) => k * power).find((l) => l <= wanted) || power;
     const size = length * state.view.scale, x = this.width - 18 - size, y = this.height - 30;
-    const text = length >= 1 ? `${length} m` : length >= 0.01 ? `${Math.round(100 * length)} cm` : `${Math.round(1000 * length)} mm`;
+    const text = length >= 1 ? `${length} m` : length >= 0.01 ? `${Math.round(100 * length)} cm` : `${Number((1000 * length).toPrecision(1))} mm`;
     return [svg("rect", { x: x - 1.5, y: y - 1.5, width: size + 3, height: 6, fill: "var(--halo)", opacity: 0.8 }),
       svg("rect", { x, y, width: size, height: 3, fill: "currentColor" }),
       svg("text", { class: "haloed", x: x + size / 2, y: y - 6, "text-anchor": "middle" }, text)];
   }
   ticks() {
-    const { view } = state, parts = [], wanted = Math.min(90, this.width / 7, this.height / 7) / view.scale, power = 10 ** Math.floor(Math.log10(wanted));
-    const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= wanted), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    const { view } = state, parts = [], step = roundStep(Math.min(90, this.width / 7, this.height / 7) / view.scale), digits = digitsOf(step);
     const [left, bottom] = this.toWorld([0, this.height]), [right, top] = this.toWorld([this.width, 0]);
     for (let k = Math.ceil(left / step); k * step < right; k++) {
       const [x] = this.toScreen([k * step, 0]);

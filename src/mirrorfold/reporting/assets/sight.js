@@ -83,37 +83,38 @@ function sight(p) {
 
 // What stands at a place of one of the two images: its level, its chain of mirrors, and the path of the waves, folded and
 // unfolded. A point at that place tells the chain; without one, in the corrected image, the chain that shows the place
-// brightest counts.
+// brightest counts. Nothing stands where no point is within its own resolution cell.
 function look(which, p) {
   const { images, grid, points, dimensions, mirrors } = state.content;
   const spot = { which, place: p, level: levelAt(images[which], grid, p[0], p[1]), world: undefined, point: null };
   const worldOf = (i) => points.ways[points.chain[i]].at(-1) ?? -1;
   const nearest = (reach, fits) => {
-    let found = null;
+    let found = null, least = Infinity;
     for (let i = 0; i < points.count; i++) {
       const [x, y] = placeOf(points, i, which), distance = Math.hypot(x - p[0], y - p[1]);
-      if (distance < reach && pointShown(points, i) && fits(i)) [found, reach] = [i, distance];
+      if (distance < Math.min(least, reach(i)) && pointShown(points, i) && fits(i)) [found, least] = [i, distance];
     }
     return found;
   };
+  const cell = (i) => points.cell[i], drawn = Math.max(1.5 * grid.dx, 4 / state.view.scale);
   // What has passed through a wall stays where it is seen.
-  const close = nearest(0.05, () => true);
+  const close = nearest(cell, () => true);
   if (dimensions === 2 && close !== null && points.passed[close] !== undefined)
     return { ...spot, point: close, world: worldOf(close), passed: points.passed[close], seemed: p, path: [state.content.radar, p] };
-  const here = nearest(Math.max(1.5 * grid.dx, 4 / state.view.scale), () => true);
+  const here = nearest(() => drawn, () => true);
   if (dimensions === 2 && which === "initial") Object.assign(spot, { seemed: p }, sight(p));
   else if (dimensions === 2) {
     let best = -Infinity;
     for (const number of here !== null ? [worldOf(here)] : [-1, ...mirrors.map((mirror) => mirror.number)]) {
       // What a curved mirror shows seemed to be where the nearest point did that it shows.
-      const shown = flat(number) ? null : nearest(0.05, (i) => worldOf(i) === number);
+      const shown = flat(number) ? null : nearest(cell, (i) => worldOf(i) === number);
       if (!flat(number) && shown === null) continue;
       const seemed = shown === null ? unfold(p, number) : placeOf(points, shown, "initial");
       const found = sight(seemed), level = levelAt(images.initial, grid, ...seemed) ?? -100;
       if (found.world === number && level > best) { best = level; Object.assign(spot, { seemed }, found); }
     }
   }
-  spot.point = nearest(0.05, (i) => spot.world === undefined || worldOf(i) === spot.world);
+  spot.point = nearest(cell, (i) => spot.world === undefined || (worldOf(i) === spot.world && points.passed[i] === undefined));
   if (spot.world === undefined && spot.point !== null) spot.world = worldOf(spot.point);
   if (spot.point !== null) spot.passed = points.passed[spot.point];
   return spot;

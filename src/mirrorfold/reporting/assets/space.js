@@ -1,5 +1,7 @@
 // Three dimensions: a cloud of points that turns, and a vertical cross-section of a chosen slice of range.
 
+const LABEL = 56; // pixels from one label of the cross-section to the next
+
 function makeSpace() {
   const { content } = state;
   const section = el("section", { class: "card full" });
@@ -8,7 +10,7 @@ function makeSpace() {
   const cloud = el("canvas", { tabindex: "0", role: "img", id: "cloud",
     "aria-label": "Cloud of points coloured by bounces. Drag or use the arrow keys to turn it, plus and minus to zoom." });
   const cut = el("canvas", { role: "img", id: "section", "aria-label": "Vertical cross-section: points in the chosen slice of range" });
-  const slice = { at: 0, thick: 0.2 };
+  const slice = { at: 0, thick: 0 };
   const { points } = content;
   const place = (i, k) => points["xyz"[k] + (turn.folded ? "" : "_initial")][i];
 
@@ -16,6 +18,11 @@ function makeSpace() {
     let low = content.radar[k], high = low;
     for (let i = 0; i < points.count; i++) { low = Math.min(low, place(i, k)); high = Math.max(high, place(i, k)); }
     return [low, high];
+  }
+  // All multiples of a step within limits.
+  function multiples(step, [low, high]) {
+    const first = Math.ceil(low / step), count = Math.floor(high / step) - first + 1;
+    return Array.from({ length: Math.max(0, count) }, (_, k) => (first + k) * step);
   }
   function surface(canvas, share) {
     const wide = canvas.clientWidth, high = Math.round(wide * share), ratio = Math.min(devicePixelRatio || 1, 3);
@@ -67,8 +74,9 @@ function makeSpace() {
     context.lineWidth = 1;
     context.strokeStyle = style.getPropertyValue("--line");
     const floor = limits[2][0];
-    for (let x = Math.ceil(2 * limits[0][0]) / 2; x <= limits[0][1]; x += 0.5) path([[x, limits[1][0], floor], [x, limits[1][1], floor]]);
-    for (let y = Math.ceil(2 * limits[1][0]) / 2; y <= limits[1][1]; y += 0.5) path([[limits[0][0], y, floor], [limits[0][1], y, floor]]);
+    const step = roundStep(radius / 6);
+    for (const x of multiples(step, limits[0])) path([[x, limits[1][0], floor], [x, limits[1][1], floor]]);
+    for (const y of multiples(step, limits[1])) path([[limits[0][0], y, floor], [limits[0][1], y, floor]]);
     const order = [];
     for (let i = 0; i < points.count; i++) if (pointShown(points, i)) { const [x, y, d] = project(place(i, 0), place(i, 1), place(i, 2)); order.push([d, x, y, i]); }
     order.sort((a, b) => b[0] - a[0]);
@@ -98,15 +106,18 @@ function makeSpace() {
   function paintCut() {
     const [context, wide, high, style] = surface(cut, 0.78);
     const [x0, x1] = bounds(0), [z0, z1] = bounds(2), room = 40;
-    const scale = Math.min((wide - 2 * room) / Math.max(x1 - x0, 0.1), (high - 2 * room) / Math.max(z1 - z0, 0.1));
+    const size = Math.max(x1 - x0, z1 - z0, content.grid.dx);
+    const scale = Math.min((wide - 2 * room) / Math.max(x1 - x0, 0.02 * size), (high - 2 * room) / Math.max(z1 - z0, 0.02 * size));
     const to = (x, z) => [wide / 2 + (x - (x0 + x1) / 2) * scale, high / 2 - (z - (z0 + z1) / 2) * scale];
     context.strokeStyle = style.getPropertyValue("--line");
     context.fillStyle = style.getPropertyValue("--soft");
     context.font = "11px system-ui, DejaVu Sans, sans-serif";
     context.textAlign = "center";
-    for (let k = Math.ceil(2 * x0); k <= 2 * x1; k++) { const [x] = to(k / 2, 0); context.beginPath(); context.moveTo(x, 0); context.lineTo(x, high); context.stroke(); context.fillText(`x ${fixed(k / 2, 1)} m`, x, high - 8); }
+    // No label touches its neighbour.
+    const step = roundStep(LABEL / scale), digits = digitsOf(step), half = (wide / 2 - LABEL / 2) / scale;
+    for (const value of multiples(step, [(x0 + x1) / 2 - half, (x0 + x1) / 2 + half])) { const [x] = to(value, 0); context.beginPath(); context.moveTo(x, 0); context.lineTo(x, high); context.stroke(); context.fillText(`x ${fixed(value, digits)} m`, x, high - 8); }
     context.textAlign = "left";
-    for (let k = Math.ceil(2 * z0); k <= 2 * z1; k++) { const [, y] = to(0, k / 2); context.beginPath(); context.moveTo(0, y); context.lineTo(wide, y); context.stroke(); context.fillText(`z ${fixed(k / 2, 1)} m`, 6, y - 4); }
+    for (const value of multiples(step, [z0, z1])) { const [, y] = to(0, value); context.beginPath(); context.moveTo(0, y); context.lineTo(wide, y); context.stroke(); context.fillText(`z ${fixed(value, digits)} m`, 6, y - 4); }
     let inside = 0;
     for (let i = 0; i < points.count; i++) {
       if (!pointShown(points, i) || Math.abs(place(i, 1) - slice.at) > slice.thick / 2) continue;
@@ -117,26 +128,33 @@ function makeSpace() {
       context.beginPath(); context.arc(x, y, 2.3, 0, 7); context.fill();
     }
     context.globalAlpha = 1;
-    count.textContent = `${inside} points`;
+    // The sliders are not printed: in words, which slice this is.
+    count.textContent = `${inside} points at y from ${fixed(slice.at - slice.thick / 2, places)} to ${fixed(slice.at + slice.thick / 2, places)} m`;
   }
 
   const folded = el("button", { type: "button", "aria-pressed": "true", onclick: () => {
     turn.folded = !turn.folded; folded.setAttribute("aria-pressed", String(turn.folded)); limit(); changed();
   } }, "folded");
   const count = el("span", { class: "busy", id: "slice-count" });
-  const range = el("input", { type: "range", id: "slice", step: "0.01", "aria-label": "range of the cross-section in metres" });
-  const thick = el("input", { type: "range", min: "0.02", max: "1", step: "0.02", value: "0.2", "aria-label": "thickness of the cross-section in metres" });
+  // Steps and thickness of the slice, from the depth of the scene.
+  const depth = bounds(1)[1] - bounds(1)[0] || content.grid.dy, whole = roundStep(depth / 20), fine = roundStep(whole / 20), places = digitsOf(fine);
+  const range = el("input", { type: "range", id: "slice", step: fine.toFixed(places), "aria-label": "range of the cross-section in metres" });
+  const thick = el("input", { type: "range", min: (2 * fine).toFixed(places), max: (5 * whole).toFixed(places), step: (2 * fine).toFixed(places), value: whole.toFixed(places), "aria-label": "thickness of the cross-section in metres" });
   const shown = [el("output", {}), el("output", {})];
-  const follow = () => { slice.at = Number(range.value); slice.thick = Number(thick.value); shown[0].textContent = metres(slice.at); shown[1].textContent = `${fixed(slice.thick, 2)} m`; changed(); };
-  function limit() { const [low, high] = bounds(1); range.min = low.toFixed(2); range.max = high.toFixed(2); }
+  const follow = () => { slice.at = Number(range.value); slice.thick = Number(thick.value); shown[0].textContent = metres(slice.at); shown[1].textContent = `${fixed(slice.thick, places)} m`; changed(); };
+  function limit() {
+    const [low, high] = bounds(1);
+    range.min = (fine * Math.floor(low / fine + 1e-6)).toFixed(places);
+    range.max = (fine * Math.ceil(high / fine - 1e-6)).toFixed(places);
+  }
   range.addEventListener("input", follow);
   thick.addEventListener("input", follow);
   limit();
   // Where most of what was seen around the corner stands.
-  const places = [];
-  for (let i = 0; i < points.count; i++) if (points.bounces[i] > 0 && !points.face[i]) places.push(points.y[i]);
-  places.sort((a, b) => a - b);
-  range.value = String(places.length ? places[places.length >> 1] : (Number(range.min) + Number(range.max)) / 2);
+  const seen = [];
+  for (let i = 0; i < points.count; i++) if (points.bounces[i] > 0 && !points.face[i]) seen.push(points.y[i]);
+  seen.sort((a, b) => a - b);
+  range.value = String(seen.length ? seen[seen.length >> 1] : (Number(range.min) + Number(range.max)) / 2);
   follow();
   painters.push(() => { paintCloud(); paintCut(); });
   section.append(el("h2", {}, "In space"), el("div", { class: "space" },

@@ -16,8 +16,8 @@ function makeReadout() {
         const way = lineage(spot.world).reverse();
         rows.push(["bounces", bouncesText(way.length)]);
         rows.push(["chain", ["radar", ...way.map((mirror) => `mirror ${mirror.name}`)].join(" \u2192 ")]);
-        if (spot.seemed && spot.which === "corrected" && way.length) rows.push(["seemed at", spot.seemed.map((v) => fixed(v, 3)).join(", ") + " m"]);
-        if (spot.path && spot.which === "initial" && way.length) rows.push(["folds to", spot.path[spot.path.length - 1].map((v) => fixed(v, 3)).join(", ") + " m"]);
+        if (spot.seemed && spot.which === "corrected" && way.length) rows.push(["seemed at", spot.seemed.map(placeText).join(", ") + " m"]);
+        if (spot.path && spot.which === "initial" && way.length) rows.push(["folds to", spot.path[spot.path.length - 1].map(placeText).join(", ") + " m"]);
       }
       const { points } = content;
       if (spot.point !== null && points.z) rows.push(["height", metres(points.z[spot.point])]);
@@ -47,16 +47,16 @@ function makeMirrors() {
       drawn = content;
       const solid = content.mirrors.some((mirror) => mirror.height !== undefined);
       // Columns of their own for what only some mirrors have.
-      const more = [["radius", "radius [m]", 1, 3], ["permittivity", "permittivity", 1, 2], ["thickness", "thickness [mm]", 1000, 2]]
+      const more = [["radius", "radius [m]", 1, placeDigits()], ["permittivity", "permittivity", 1, 2], ["thickness", "thickness [mm]", 1000, placeDigits() - 1]]
         .filter(([name]) => content.mirrors.some((mirror) => mirror[name] !== null));
       const measured = (mirror, [name, , scale, digits]) => mirror[name] === null ? "" : fixed(scale * mirror[name], digits)
         + (mirror[`${name}_error`] === null ? "" : `\u00a0\u00b1\u00a0${fixed(scale * mirror[`${name}_error`], digits)}`);
       const headings = ["<mirror", "<seen through", "length [m]", ...(solid ? ["height [m]"] : []), "angle [\u00b0]", "\u00b1 [\u00b0]", "offset \u00b1 [mm]", "strength [dB]", "filled", ...more.map(([, heading]) => heading), "<ends [m]"];
       const rows = content.mirrors.map((mirror) => [mirror.name, mirror.parent < 0 ? "radar" : `mirror ${content.mirrors[mirror.parent].name}`,
-        fixed(mirror.length, 3), ...(solid ? [fixed(mirror.height, 2)] : []), fixed(mirror.angle, 2), fixed(mirror.angle_error, 3),
-        fixed(mirror.offset_error === null ? null : 1000 * mirror.offset_error, 2), fixed(mirror.strength_db, 1), fixed(mirror.fill, 2),
+        placeText(mirror.length), ...(solid ? [fixed(mirror.height, placeDigits() - 1)] : []), fixed(mirror.angle, 2), fixed(mirror.angle_error, 3),
+        fixed(mirror.offset_error === null ? null : 1000 * mirror.offset_error, placeDigits() - 1), fixed(mirror.strength_db, 1), fixed(mirror.fill, 2),
         ...more.map((column) => measured(mirror, column)),
-        mirror.folded_ends.map((end) => `(${end.map((v) => fixed(v, 3)).join(", ")})`).join(" \u2013 ")]);
+        mirror.folded_ends.map((end) => `(${end.map(placeText).join(", ")})`).join(" \u2013 ")]);
       box.replaceChildren(content.mirrors.length
         ? table("Mirrors at their true places", headings, rows, (i) => ({ "data-number": String(i), ...lights(i) }))
         : el("p", {}, "No mirror was found; the scene is shown unfolded."));
@@ -79,8 +79,8 @@ function makeScore() {
     box.drawn = score;
     const bent = score.mirrors.some((row) => row[4] !== "-");
     box.replaceChildren(el("h2", {}, "Against the truth"), el("div", { class: "space" },
-      el("div", {}, table("Points against the truth", ["<points", "all surfaces", "out of sight"], score.points)),
-      el("div", {}, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]", ...(bent ? ["curvature error [%]"] : [])],
+      el("div", { class: "wide" }, table("Points against the truth", ["<points", "all surfaces", "out of sight"], score.points)),
+      el("div", { class: "wide" }, table("Mirrors against the truth", ["<mirror", "<true surface", "angle error [\u00b0]", "offset error [mm]", ...(bent ? ["curvature error [%]"] : [])],
         score.mirrors.map(([number, ...rest]) => [state.content.mirrors[number].name, ...rest.slice(0, bent ? 4 : 3)])))));
   });
   return box;
@@ -108,6 +108,10 @@ function makeCommand() {
     catch { getSelection().selectAllChildren(code); copy.textContent = "selected"; }
     setTimeout(() => { copy.textContent = "copy"; }, 1500);
   } }, "copy");
-  painters.push(() => { if (state.content) code.textContent = state.content.command || "mirrorfold (from Python)"; });
-  return el("div", { class: "command" }, code, copy);
+  const box = el("section", { class: "card full" }, el("h2", {}, "Command"), el("div", { class: "command" }, code, copy));
+  painters.push(() => {
+    box.hidden = !state.content || !state.content.command;
+    code.textContent = box.hidden ? "" : state.content.command;
+  });
+  return box;
 }

@@ -1,4 +1,4 @@
-"""Rows of the tables in pages and notebooks: the mirrors of a reconstruction, how much was found, and its score."""
+"""What pages, pictures and notebooks tell of a reconstruction: its mirrors, how much was found, and its score."""
 
 from __future__ import annotations
 
@@ -77,6 +77,26 @@ def found_rows(objects: xr.Dataset, mirrors: list[dict[str, Any]]) -> list[list[
     return [*rows, [PASSED_LABEL, str(int(passed.sum()))]] if passed.any() else rows
 
 
+def points_by_chain(objects: xr.Dataset) -> dict[str, list[int]]:
+    """For each chain the number of points seen by way of it: [of objects, of walls]."""
+    walls = on_mirrors(objects)
+    chains = objects["chain"].values.astype(str)
+    return {
+        str(chain): [int((~walls & (chains == chain)).sum()), int((walls & (chains == chain)).sum())]
+        for chain in np.unique(chains)
+    }
+
+
+def place_digits(reconstruction: xr.DataTree) -> int:
+    """Decimal places of positions in metres: as many as a pixel needs, and at least millimetres.
+
+    Lengths of mirrors have one less.
+    """
+    x = reconstruction.dataset["x"].values
+    pixel = float(x[-1] - x[0]) / max(x.size - 1, 1)
+    return max(3, int(np.ceil(-np.log10(pixel) - 1e-9))) if pixel > 0.0 else 3
+
+
 def score_rows(score: dict[str, Any]) -> dict[str, Any]:
     """The score as tables: headings, and rows of texts."""
     mirrors = [
@@ -122,5 +142,5 @@ def _number(value: float | None, form: str, scale: float = 1.0) -> str:
     """A number times `scale` as a text; "-" where it is unknown."""
     if value is None or not np.isfinite(value):
         return "-"
-    text = format(value * scale, form)
-    return format(float(text), "g") if float(text).is_integer() else text  # 0 and 1 are exact
+    shares = (0.0, 1.0) if scale == 1.0 else (0.0,)
+    return format(value, "g") if value in shares else format(value * scale, form)  # these are exact
