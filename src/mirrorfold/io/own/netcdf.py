@@ -25,6 +25,7 @@ from mirrorfold.io.own.steady import SteadyFile
 from mirrorfold.io.readers import readers
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
+from mirrorfold.io.readers.hdf5_process import own_links
 from mirrorfold.sweep import check_sweep
 
 GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
@@ -189,16 +190,10 @@ def _check_sizes(path: Path, only: Collection[str] | None) -> None:
     InputError
         The message tells the size of the content, and what is available.
     """
-    sizes: dict[str, int] = {}
-
-    def count(name: str, item: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(item, h5py.Dataset) and (only is None or name in only):
-            sizes[name] = nbytes(item.shape or (), item.dtype.itemsize)
-
-    with h5py.File(path) as file:
-        file.visititems(count)
-    if sizes:
-        check_expansion(path, path.stat().st_size, sum(sizes.values()))
+    with h5py.File(path) as file:  # by its links: an array that is there under several names is read for each of them
+        items = (file.get(name) for name in own_links(file) if only is None or name in only)
+        size = sum(nbytes(item.shape or (), item.dtype.itemsize) for item in items if isinstance(item, h5py.Dataset))
+    check_expansion(path, path.stat().st_size, size)
 
 
 def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
