@@ -9,6 +9,7 @@ import pytest
 import mirrorfold as mf
 from mirrorfold.errors import InputError
 from mirrorfold.io import load_geometry
+from mirrorfold.io.readers import read_contents
 
 VALUES = 1_000_000
 """Values of an array of which the file holds none: they take 8 MB when it is read."""
@@ -35,3 +36,13 @@ def test_a_second_name_of_a_small_array_does_no_harm(saved):
         file["again"], file["link"] = file["note"], h5py.SoftLink("/note")
     np.testing.assert_array_equal(mf.load(saved)["link"], [0.0, 1.0, 2.0])
     assert "frequency" in load_geometry(saved)
+
+
+@pytest.mark.parametrize("name", ["a.nc", "a.h5"])
+def test_blocks_much_larger_than_the_file_are_refused_unread(saved, tmp_path, name):
+    """A block is expanded as a whole, however few values of it the array holds."""
+    path = saved.rename(tmp_path / name)
+    with h5py.File(path, "a") as file:
+        file.create_dataset("few", (10,), "f8", maxshape=(None,), chunks=(250_000_000,), compression="gzip")
+    with pytest.raises(InputError, match=r"its variable 'few' is stored in blocks of 2e\+09 bytes"):
+        mf.load(path) if name == "a.nc" else read_contents(path)
