@@ -265,6 +265,8 @@ def _carry_out(arguments: list[str]) -> None:
 
     with warnings.catch_warnings():
         warnings.showwarning = once
+        if sys.warnoptions:  # PYTHONWARNINGS is meant for programs of the user; these warnings are remarks of verbs
+            warnings.simplefilter("always", UserWarning)
         run(arguments)
 
 
