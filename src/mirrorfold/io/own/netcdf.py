@@ -7,11 +7,13 @@ sweep. An image, a `DataArray` in memory, is the variable ``image`` on disk.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message
@@ -130,6 +132,11 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
     for node in content.subtree:
+        strange = [name for name, variable in node.dataset.variables.items() if not _is_storable(variable)]
+        if strange:
+            names = ", ".join(map(in_message, strange))
+            warnings.warn(f"{path}: {names} holds neither numbers nor texts, and is left out", stacklevel=2)
+            node.dataset = node.to_dataset(inherit=False).drop_vars(strange)
         node.attrs = {name: decoded(value) for name, value in node.attrs.items()}
         conform_attrs(node.attrs)
     return content
@@ -152,6 +159,9 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
         content = xr.DataTree(image.to_dataset(name="image").assign_attrs(mirrorfold_kind="image"))
     else:
         content = xr.DataTree(check_sweep(obj).assign_attrs(mirrorfold_kind="sweep"))
+    strange = [name for node in content.subtree for name, one in node.variables.items() if not _is_storable(one)]
+    if strange:
+        raise InputError(f"{path}: netCDF holds numbers and texts, and {in_message(strange[0])} is neither; drop it")
     content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
     encoding = {node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree}
     with written_atomically(path) as temporary:
@@ -222,6 +232,13 @@ def _storable(content: xr.Dataset) -> xr.Dataset:
     for variable in content.variables.values():
         variable.attrs = {name: storable(value) for name, value in variable.attrs.items()}
     return content
+
+
+def _is_storable(variable: xr.Variable) -> bool:
+    """Whether netCDF can hold the values of a variable: numbers, texts, times, but no records or references."""
+    if variable.dtype.kind == "O":
+        return all(isinstance(value, str | bytes) for value in variable.values.flat)
+    return variable.dtype.kind in "biufSUMm" or variable.dtype in (np.complex64, np.complex128)
 
 
 def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:
