@@ -248,6 +248,10 @@ def _carry_out(arguments: list[str]) -> None:
     if arguments[0] == "--version":
         print(__version__)
         return
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError("the folder that you are in was deleted; change to another one with cd") from None
     if address_space() < LEAST_ADDRESS_SPACE:
         raise InputError(
             f"{address_space() / 1e6:.0f} MB of address space are allowed (ulimit -v), and "

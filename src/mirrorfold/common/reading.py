@@ -69,6 +69,21 @@ def check_file(path: str | Path, remedy: str) -> Path:
     return path
 
 
+def read_head(path: Path, size: int) -> bytes:
+    """The first `size` bytes of a file, or all if there are fewer.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(size)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+
+
 def read_text(path: str | Path, remedy: str) -> str:
     """The text in a file.
 

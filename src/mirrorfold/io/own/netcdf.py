@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message
-from mirrorfold.common.reading import check_file
+from mirrorfold.common.reading import check_file, read_head
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_room, written_atomically
@@ -47,9 +47,8 @@ def is_foreign(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix != ".nc" and any(suffix in reader.suffixes for reader in readers().values()):
         return True
-    with path.open("rb") as file:
-        if file.read(3) == b"CDF":
-            return True
+    if read_head(path, 3) == b"CDF":
+        return True
     if suffix != ".nc" or not h5py.is_hdf5(path):
         return False
     check_netcdf(path)
@@ -184,10 +183,7 @@ def _least_size(content: xr.DataTree) -> int:
 def _check_is_hdf5(path: Path) -> None:
     """Refuse a path with no readable file, or with one that is not HDF5, the format on which netCDF-4 is based."""
     check_file(path, "give the path of a netCDF file")
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    read_head(path, 1)
     if not h5py.is_hdf5(path):
         raise InputError(f"{path}: is not a netCDF-4 file; {REMEDY}")
 
