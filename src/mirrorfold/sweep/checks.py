@@ -10,7 +10,6 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import in_message, wrong_kind
-from mirrorfold.common.facts import MEASURED
 from mirrorfold.common.plausible import (
     any_nonzero,
     constant_part,
@@ -24,7 +23,7 @@ from mirrorfold.common.plausible import (
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
-from mirrorfold.common.units import other_unit
+from mirrorfold.common.units import SLOWEST, other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
@@ -41,9 +40,6 @@ from mirrorfold.sweep.facts import (
     without_rounding,
 )
 from mirrorfold.sweep.polarization import polarizations, with_own_polarization
-
-SLOWEST = MEASURED["wave_speed"]
-"""Lowest speed of waves [m/s], which images must have too."""
 
 
 def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
