@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 
 from mirrorfold import __version__
 from mirrorfold.cli.streams import flushed, open_streams, print_error, silence
-from mirrorfold.common.reading import files_written
 from mirrorfold.common.signals import ended_as_by_ctrl_c
+from mirrorfold.common.written import files_written
 from mirrorfold.errors import EndedError, InputError, printable
 
 NO_NAME = errno.ENAMETOOLONG, errno.ELOOP

@@ -35,9 +35,6 @@ _LONG_NAME = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){
 files_read: ContextVar[set[Path] | None] = ContextVar("files_read", default=None)
 """Files that the running command has read, including those that other files name; None if nobody collects them."""
 
-files_written: ContextVar[list[Path] | None] = ContextVar("files_written", default=None)
-"""Files and folders that the running command has written, temporary ones included; None if nobody collects them."""
-
 
 def check_file(path: str | Path, remedy: str) -> Path:
     """The path, if a regular file is there: opening a pipe would wait for ever, and a device may never end.

@@ -13,8 +13,9 @@ from pathlib import Path
 from mirrorfold.common.arguments import path_of
 from mirrorfold.common.cache import is_signed, signature
 from mirrorfold.common.leftovers import COMPLETE, leftovers, remove, temporary_name
-from mirrorfold.common.reading import files_read, files_written
+from mirrorfold.common.reading import files_read
 from mirrorfold.common.signals import held_signals
+from mirrorfold.common.written import note_written
 from mirrorfold.errors import InputError
 
 may_overwrite: ContextVar[bool] = ContextVar("may_overwrite", default=True)
@@ -124,7 +125,7 @@ def written_atomically(path: str | Path) -> Iterator[Path]:
         with held_signals():
             os.replace(temporary, path)
             _sync(path.parent)
-            _note_written(path)
+            note_written(path)
     except OSError as error:
         raise _named(error, temporary, path) from None
     finally:
@@ -175,7 +176,7 @@ def directory_written_atomically(path: str | Path, *, replaces: Iterable[str] = 
             with held_signals():
                 temporary.rename(path)
                 _sync(path.parent)
-                _note_written(path)
+                note_written(path)
             return
         old = {*replaces, *(file.name for file in files)}
         for name in old:
@@ -188,18 +189,11 @@ def directory_written_atomically(path: str | Path, *, replaces: Iterable[str] = 
         with held_signals():
             temporary.rename(complete)
             _replace_files(complete, _followed)
-            _note_written(path)
+            note_written(path)
     except OSError as error:
         raise _named(error, temporary, path) from None
     finally:
         remove(temporary)
-
-
-def _note_written(path: Path) -> None:
-    """Remember that the running command has written a file or a folder."""
-    written = files_written.get()
-    if written is not None:
-        written.append(path)
 
 
 OLD_FILES = ".replaces"
