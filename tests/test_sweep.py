@@ -254,6 +254,9 @@ def test_one_element_sees_ranges_and_nothing_else():
     ("change", "words"),
     [
         ({"wave_speed": -1.0}, "wave_speed is -1.0"),
+        ({"wave_speed": 1e-300}, "wave_speed is 1e-300, expected a number of at least 1"),
+        ({"polarization": np.array([1.0, 2.0])}, "polarization is an array"),
+        ({"polarization": ["TE"]}, "polarization is"),
         ({"wave_speed": True}, "wave_speed is True"),
         ({"wave_speed": "fast"}, "wave_speed is 'fast'"),
         ({"scene_center": [1.0, 2.0]}, "scene_center"),

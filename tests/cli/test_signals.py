@@ -10,7 +10,10 @@ from contextlib import suppress
 
 import pytest
 
+import mirrorfold as mf
+from mirrorfold.cli import main
 from mirrorfold.common.signals import ended_as_by_ctrl_c, held_signals
+from mirrorfold.io import files
 from mirrorfold.io.files import written_atomically
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
@@ -87,3 +90,27 @@ def test_what_ends_the_program_leaves_nothing(tmp_path, number, code):
     assert said.splitlines()[-1] == "mirrorfold: interrupted; nothing was written"
     assert "Traceback" not in said
     assert sorted(os.listdir(out)) == ["sweep.nc"]
+
+
+@posix
+@pytest.mark.parametrize("there", [True, False])
+def test_a_signal_while_files_are_replaced_waits_until_all_are(sweep, tmp_path, monkeypatch, capsys, there):
+    """All of the new files are written then, which is what the message says."""
+    source, folder = mf.save(sweep, tmp_path / "sweep.nc"), tmp_path / "scan"
+    if there:
+        assert main(["export", str(source), "-o", str(folder)]) == 0
+    before = sorted(os.listdir(folder)) if there else []
+    sync = files._sync
+
+    def interrupt(path):
+        if path in (folder, tmp_path):  # the files are at their places
+            signal.raise_signal(signal.SIGTERM)
+        sync(path)
+
+    monkeypatch.setattr(files, "_sync", interrupt)
+    capsys.readouterr()
+    assert main(["export", str(source), "-o", str(folder)]) == 143
+    assert f"mirrorfold: interrupted; {folder} was written before" in capsys.readouterr().err
+    assert not [name for name in os.listdir(folder) if name.startswith(".")]
+    assert sorted(os.listdir(folder)) == before or not there
+    assert len(os.listdir(folder)) > 2

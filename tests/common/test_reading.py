@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mirrorfold.common import reading
-from mirrorfold.common.reading import MOST_PARTS, parsed, read_text
+from mirrorfold.common.reading import DEEPEST, MOST_PARTS, parsed, read_text
 from mirrorfold.errors import InputError
 
 
@@ -30,6 +30,18 @@ def test_texts_and_numbers_are_no_names():
 def test_long_lines_without_such_a_name_are_looked_through_once(text):
     with pytest.raises(InputError, match="is not valid TOML"):
         toml(text)
+
+
+@pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ('{"a": ', "}")])
+@pytest.mark.parametrize("inside", ["1", "[]"])
+def test_lists_and_tables_have_so_many_levels_at_most(opening, closing, inside):
+    levels = DEEPEST - (inside == "[]")
+    parsed(opening * levels + inside + closing * levels, "JSON", "a.json", "correct it")
+    for deep in (levels + 1, 700, 950, 100_000):
+        with pytest.raises(InputError, match="nested too deeply"):
+            parsed(opening * deep + inside + closing * deep, "JSON", "a.json", "correct it")
+    with pytest.raises(InputError, match="nested too deeply"):
+        toml(f"a = {'[' * 200}{']' * 200}")
 
 
 def test_a_text_without_end_is_refused(tmp_path, monkeypatch):

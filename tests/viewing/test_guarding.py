@@ -154,6 +154,14 @@ def test_addresses_that_are_none_are_not_found(server, address):
     assert ask(server, "POST", address, b"{}")[0] == 404
 
 
+@pytest.mark.parametrize("levels", [700, 950])
+def test_requests_in_many_levels_are_refused(server, levels):
+    for body in ('{"mirrors": %s1%s}', '{"settings": {"threshold_db": %s1%s}}'):
+        status, _, text = ask(server, "POST", "/api/fold", (body % ("[" * levels, "]" * levels)).encode())
+        assert status == 400
+        assert "nested too deeply" in text
+
+
 @pytest.mark.parametrize("digits", [400, 5000])
 def test_numbers_of_hundreds_of_digits_are_refused(server, digits):
     number = "9" * digits

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 from mirrorfold import __version__
 from mirrorfold.cli.streams import flushed, open_streams, print_error, silence
 from mirrorfold.common.signals import ended_as_by_ctrl_c
+from mirrorfold.common.written import files_written
 from mirrorfold.errors import EndedError, InputError, printable
 
 NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
@@ -196,8 +197,12 @@ def _attempt(arguments: list[str]) -> int:
 
     SIGTERM and SIGHUP end the work in the same way as Ctrl-C.
     """
-    with ended_as_by_ctrl_c() as signals:
-        return _attempt_listing_signals(signals, arguments)
+    written = files_written.set([])
+    try:
+        with ended_as_by_ctrl_c() as signals:
+            return _attempt_listing_signals(signals, arguments)
+    finally:
+        files_written.reset(written)
 
 
 def _attempt_listing_signals(signals: list[int], arguments: list[str]) -> int:
@@ -209,7 +214,7 @@ def _attempt_listing_signals(signals: list[int], arguments: list[str]) -> int:
         return _print_failure(error, str(error), FAILED if isinstance(error, EndedError) else WRONG_INPUT)
     except KeyboardInterrupt as error:
         code = SIGNALLED + signals[0] if signals else INTERRUPTED
-        return _print_failure(error, str(error) or "interrupted; nothing was written", code)
+        return _print_failure(error, str(error) or f"interrupted; {_said_written()}", code)
     except BrokenPipeError:  # the program that reads our output has ended, for example `| head`
         silence(sys.stdout)
         return FAILED
@@ -229,6 +234,12 @@ def _attempt_listing_signals(signals: list[int], arguments: list[str]) -> int:
     return DONE
 
 
+def _said_written() -> str:
+    """What the command has written, in words, without temporary files, which are gone."""
+    written = [str(path) for path in files_written.get() or () if path.exists()]
+    return f"{', '.join(written)} was written before" if written else "nothing was written"
+
+
 def _carry_out(arguments: list[str]) -> None:
     """Print the help or the version, or run one verb."""
     if not arguments or arguments[0] in ("--help", "-h", "help"):
@@ -237,6 +248,10 @@ def _carry_out(arguments: list[str]) -> None:
     if arguments[0] == "--version":
         print(__version__)
         return
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError("the folder that you are in was deleted; change to another one with cd") from None
     if address_space() < LEAST_ADDRESS_SPACE:
         raise InputError(
             f"{address_space() / 1e6:.0f} MB of address space are allowed (ulimit -v), and "
@@ -254,6 +269,8 @@ def _carry_out(arguments: list[str]) -> None:
 
     with warnings.catch_warnings():
         warnings.showwarning = once
+        if sys.warnoptions:  # PYTHONWARNINGS is meant for programs of the user; these warnings are remarks of verbs
+            warnings.simplefilter("always", UserWarning)
         run(arguments)
 
 

@@ -13,11 +13,11 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.arguments import in_message
 from mirrorfold.common.plausible import radians_for_degrees, unplaced
 from mirrorfold.common.types import Array
-from mirrorfold.common.units import other_unit
+from mirrorfold.common.units import SLOWEST, other_unit
 from mirrorfold.errors import InputError
 
 MEASURED = {
-    "wave_speed": 1.0,
+    "wave_speed": SLOWEST,
     **dict.fromkeys(("frequency_start", "frequency_stop"), 1e-3),
     **dict.fromkeys(("range_resolution", "ambiguous_range", "spot_radius", "focus_distance"), 1e-9),
     **dict.fromkeys(("tx_aperture", "rx_aperture", "frequency_points"), 0.0),

@@ -22,6 +22,10 @@ LARGEST_TEXT = 64 << 20
 MOST_PARTS = 100
 """Largest number of parts of a TOML name such as ``a.b.c``: time and memory to read it grow with the square of it."""
 
+DEEPEST = MOST_PARTS
+"""Largest number of levels of lists and tables: a walk through many more exceeds Python's stack. Each part of a TOML
+name is a level."""
+
 _PART = r"""(?:[A-Za-z0-9_-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 """One part of a TOML name: bare, or in quotes of either kind."""
 
@@ -62,6 +66,21 @@ def check_file(path: str | Path, remedy: str) -> Path:
     return path
 
 
+def read_head(path: Path, size: int) -> bytes:
+    """The first `size` bytes of a file, or all if there are fewer.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(size)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+
+
 def read_text(path: str | Path, remedy: str) -> str:
     """The text in a file.
 
@@ -96,20 +115,37 @@ def parsed(text: str, kind: str, source: str, remedy: str) -> Any:
     Raises
     ------
     InputError
-        If the text is not valid, is nested too deeply, or holds a number of thousands of digits, or a name of more than
-        `MOST_PARTS` parts.
+        If the text is not valid, has more than `DEEPEST` levels, or holds a number of thousands of digits, or a name of
+        more than `MOST_PARTS` parts.
     """
     try:
         if kind == "JSON":
-            return json.loads(text)
+            return not_too_deep(json.loads(text))
         if _LONG_NAME.search(text) is None:
-            return tomllib.loads(text)
+            return not_too_deep(tomllib.loads(text))
         reason = f"a name has more than {MOST_PARTS} parts, joined by dots"
     except RecursionError:
         reason = "it is nested too deeply"
     except ValueError as error:  # of both formats, and of numbers that are too long
         reason = str(error).splitlines()[0][:150]
     raise InputError(f"{source}: is not valid {kind} ({reason}); {remedy}")
+
+
+def not_too_deep(value: Any) -> Any:
+    """The value, whose lists and tables are nested in `DEEPEST` levels at most.
+
+    Raises
+    ------
+    RecursionError
+        If there are more levels.
+    """
+    level = [value]
+    for _ in range(DEEPEST + 1):
+        level = [one for one in level if isinstance(one, list | dict)]
+        if not level:
+            return value
+        level = [item for one in level for item in (one.values() if isinstance(one, dict) else one)]
+    raise RecursionError
 
 
 @contextmanager

@@ -32,6 +32,9 @@ FARTHEST = 1e7
 """Largest distance of a place [m], a quarter of the way around the Earth. Anything farther is a mistake: no echo
 returns from there, and numbers that are counted or squared on the way to an image would overflow."""
 
+SLOWEST = 1.0
+"""Lowest speed of waves [m/s]; slower ones carry no echo through air, water or matter."""
+
 OTHER_NAMES = {
     "deg": "degree", "degrees": "degree", "°": "degree", "rad": "radian", "radians": "radian",
     "in": "inch", "inches": "inch", '"': "inch", "µm": "um", "μm": "um", "micron": "um", "µs": "us", "μs": "us",

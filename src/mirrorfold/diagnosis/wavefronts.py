@@ -42,6 +42,10 @@ LARGEST_WORK = 4e8
 """Largest product of the numbers of pairs, directions, curvatures and gates for each table of coherences: a quarter of
 a second of work. Where it would be exceeded, fewer gates and pairs are looked at."""
 
+LARGEST_WINDOWS = 1e8
+"""Largest number of values of the pieces of all range profiles (pairs, points, 2, gates): 2 GB while they are cut out.
+Where it would be exceeded, fewer gates are looked at."""
+
 MOST_DIRECTIONS = 1500
 """Largest number of directions that the array resolves; a longer array could not be judged quickly."""
 
@@ -121,7 +125,7 @@ class Wavefronts:
 
 
 def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
-    """Measure the wavefronts of a sweep; None where it has too few echoes, or its array is too short or too long.
+    """Measure the wavefronts of a sweep; None where it has too few echoes, or its array is too short, long or wide.
 
     Parameters
     ----------
@@ -155,10 +159,14 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     count = int(np.clip(affordable / GATES, *PAIRS))
     chosen = np.random.default_rng(0).permutation(pairs.tx_of.size)[:count]
     profile, step = profiles(pairs.s[:, chosen], pairs.wavenumber)
-    gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, GATES)))
+    half = int(np.ceil(2.0 * reach / step)) + 2
+    most = int(LARGEST_WINDOWS / (2.0 * (2.0 * half + 1.0) * chosen.size))
+    if most < FEWEST_GATES:
+        return None
+    gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, min(most, GATES))))
     if gate.size < 2:
         return None
-    windowed = windows(profile, gate, int(np.ceil(2.0 * reach / step)) + 2, centre - pairs.wavenumber[0], step)
+    windowed = windows(profile, gate, half, centre - pairs.wavenumber[0], step)
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
     arrangements = [(pairs.tx, pairs.rx), (pairs.rx, pairs.tx)][: 2 if exchange else 1]
     found = np.zeros((len(arrangements), 2, curvature.size, gate.size))

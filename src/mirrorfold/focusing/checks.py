@@ -29,7 +29,7 @@ from mirrorfold.sweep import (
     wave_speed,
     wavenumber,
 )
-from mirrorfold.sweep.samples import complex_samples
+from mirrorfold.sweep.samples import check_level, complex_samples
 
 IMAGE_COPIES = 3
 """Number of complex arrays of the size of the image that focusing holds at once."""
@@ -99,7 +99,9 @@ def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem)
     if isinstance(s, xr.Dataset):
         raise wrong_kind("the frame", s, "the samples of one frame, such as sweep['s']")
     dims = MONOSTATIC_DIMENSIONS if problem.monostatic else PAIR_DIMENSIONS
-    data = np.ascontiguousarray(complex_samples("the frame", s, dims), dtype=np.complex64)
+    samples = complex_samples("the frame", s, dims)
+    check_level("the frame", samples)
+    data = np.ascontiguousarray(samples, dtype=np.complex64)
     if data.shape != problem.data_shape:
         raise InputError(
             f"the frame has shape {data.shape}, expected {problem.data_shape} as in the plan's geometry; "

@@ -29,6 +29,7 @@ from mirrorfold.focusing.problem import Problem
 from mirrorfold.focusing.scans.imaging import focus_scans
 from mirrorfold.focusing.settings import FINEST_TOLERANCE, FocusSettings
 from mirrorfold.sweep import is_raster
+from mirrorfold.sweep.samples import check_level
 
 SMALLEST = float(np.finfo(np.float32).tiny)
 """Divisor in place of the norm of an image that is zero everywhere."""
@@ -92,6 +93,7 @@ def focus(
     if "s" not in sweep:
         raise InputError("sweep: holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
     values = sweep["s"].values
+    check_level("sweep: s", values)
     leading = sweep["s"].dims[: -2 if problem.monostatic else -3]
     frames = np.ascontiguousarray(values, dtype=np.complex64).reshape(-1, *problem.data_shape)
     start = time.perf_counter()

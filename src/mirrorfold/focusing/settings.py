@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import Settings, setting
+from mirrorfold.common.units import SLOWEST
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -66,7 +67,7 @@ class FocusSettings(Settings):
         None,
         "Speed of the waves. Default: the attr `wave_speed` of the sweep; without it, of light in vacuum.",
         unit="m/s",
-        above=0.0,
+        lowest=SLOWEST,
     )
     normalization: str = setting(
         "none",

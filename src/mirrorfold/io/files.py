@@ -15,6 +15,7 @@ from mirrorfold.common.cache import is_signed, signature
 from mirrorfold.common.leftovers import COMPLETE, leftovers, remove, temporary_name
 from mirrorfold.common.reading import files_read
 from mirrorfold.common.signals import held_signals
+from mirrorfold.common.written import note_written
 from mirrorfold.errors import InputError
 
 may_overwrite: ContextVar[bool] = ContextVar("may_overwrite", default=True)
@@ -121,8 +122,10 @@ def written_atomically(path: str | Path) -> Iterator[Path]:
         yield temporary
         _sync(temporary)
         check_output(path)  # a device or a pipe may have appeared meanwhile
-        os.replace(temporary, path)
-        _sync(path.parent)
+        with held_signals():
+            os.replace(temporary, path)
+            _sync(path.parent)
+            note_written(path)
     except OSError as error:
         raise _named(error, temporary, path) from None
     finally:
@@ -170,8 +173,10 @@ def directory_written_atomically(path: str | Path, *, replaces: Iterable[str] = 
         _sync_all(files)
         if not path.exists():
             _sync(temporary)
-            temporary.rename(path)
-            _sync(path.parent)
+            with held_signals():
+                temporary.rename(path)
+                _sync(path.parent)
+                note_written(path)
             return
         old = {*replaces, *(file.name for file in files)}
         for name in old:
@@ -181,12 +186,14 @@ def directory_written_atomically(path: str | Path, *, replaces: Iterable[str] = 
         (temporary / SIGNATURE).write_text(signature(complete.name) or "", encoding="utf-8")
         _sync_all([temporary / OLD_FILES, temporary / SIGNATURE])
         _sync(temporary)
-        temporary.rename(complete)
+        with held_signals():
+            temporary.rename(complete)
+            _replace_files(complete, _followed)
+            note_written(path)
     except OSError as error:
         raise _named(error, temporary, path) from None
     finally:
         remove(temporary)
-    _replace_files(complete, _followed)
 
 
 OLD_FILES = ".replaces"
@@ -231,18 +238,19 @@ def _replace_files(complete: Path, place: Callable[[Path], Path]) -> None:
         Returns what is to be removed or replaced at a path: the target of a link, or the link itself.
     """
     listed = complete / OLD_FILES
-    with held_signals(), suppress(FileNotFoundError):  # another process may be faster
-        if listed.exists():
-            for name in listed.read_text(encoding="utf-8").splitlines():
-                place(complete.parent / Path(name).name).unlink(missing_ok=True)
+    with held_signals():
+        with suppress(FileNotFoundError):  # another process may be faster
+            if listed.exists():
+                for name in listed.read_text(encoding="utf-8").splitlines():
+                    place(complete.parent / Path(name).name).unlink(missing_ok=True)
+                _sync(complete.parent)
+                listed.unlink()
+                _sync(complete)
+            for file in sorted(complete.iterdir()):
+                if file.name != SIGNATURE:
+                    _move(file, place(complete.parent / file.name))
             _sync(complete.parent)
-            listed.unlink()
-            _sync(complete)
-        for file in sorted(complete.iterdir()):
-            if file.name != SIGNATURE:
-                _move(file, place(complete.parent / file.name))
-        _sync(complete.parent)
-    remove(complete)
+        remove(complete)
 
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -280,7 +288,9 @@ def _named(error: OSError, temporary: Path, path: Path) -> OSError:
     name = str(error.filename or temporary)
     if error.errno is None or not name.startswith(str(temporary)):
         return error
-    return OSError(error.errno, error.strerror, name.replace(str(temporary), str(path)))
+    for known in (f"{temporary}{COMPLETE}", str(temporary)):
+        name = name.replace(known, str(path))
+    return OSError(error.errno, error.strerror, name)
 
 
 def _sync_all(files: Sequence[Path]) -> None:

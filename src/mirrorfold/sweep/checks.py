@@ -23,7 +23,7 @@ from mirrorfold.common.plausible import (
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
-from mirrorfold.common.units import other_unit
+from mirrorfold.common.units import SLOWEST, other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
@@ -93,7 +93,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
         )
     named = polarizations(sweep, source)
     said = sweep.attrs.get("polarization")
-    if said is not None and (named or said not in POLARIZATIONS):
+    if said is not None and (named or not isinstance(said, str) or said not in POLARIZATIONS):
         raise refuse(f"attr polarization is {in_message(said)}, expected TE or TM, and none where s has several")
     if s.size == 0:
         raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
@@ -243,10 +243,16 @@ def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse a `wave_speed` that is no positive number, and a `scene_center` or `origin` that is no place in space."""
+    """Refuse a `wave_speed` that is no number from `SLOWEST` on, and a `scene_center` or `origin` that is no place."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
-    if isinstance(speed, bool) or not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
-        raise refuse(f"attr wave_speed is {in_message(speed)}, expected a positive number of metres per second")
+    if (
+        isinstance(speed, bool)
+        or not isinstance(speed, (int, float, np.number))
+        or not SLOWEST <= float(speed) < np.inf
+    ):
+        raise refuse(
+            f"attr wave_speed is {in_message(speed)}, expected a number of at least {SLOWEST:g} metres per second"
+        )
     for name in ("scene_center", "origin"):
         centre = sweep.attrs.get(name)
         try:

@@ -82,3 +82,20 @@ def complex_samples(name: str, value: ArrayLike | xr.DataArray, dims: tuple[str,
             "and give no image, and traces over time are turned into frequencies by mf.import_data"
         )
     return found
+
+
+def check_level(name: str, s: NDArray[np.complexfloating]) -> None:
+    """Refuse samples that are so large that their sum, as in an image, may exceed single precision.
+
+    Raises
+    ------
+    InputError
+        The message tells the largest part of a sample, and what is allowed.
+    """
+    largest = max((max(float(part.max()), -float(part.min())) for part in (s.real, s.imag) if part.size), default=0.0)
+    allowed = float(np.finfo(np.float32).max) / max(s.size, 1)
+    if allowed < largest < np.inf:
+        raise InputError(
+            f"{name} holds samples as large as {largest:.2g}, expected less than {allowed:.2g}, or their sum exceeds "
+            "single precision; divide all of them by one number"
+        )

@@ -16,6 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import urlsplit
 
+from mirrorfold.common.reading import not_too_deep
 from mirrorfold.errors import InputError
 from mirrorfold.reporting.page import to_html, to_json
 from mirrorfold.viewing.session import ConflictError, Session
@@ -202,11 +203,11 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.FORBIDDEN, "the page is not of this server any more; load it again")
             return None
         try:
-            content = json.loads(body)
+            content = not_too_deep(json.loads(body))
         except (ValueError, RecursionError):
             content = None
         if not isinstance(content, dict):
-            self._refuse(HTTPStatus.BAD_REQUEST, "the request is not a JSON object")
+            self._refuse(HTTPStatus.BAD_REQUEST, "the request is not a JSON object, or is nested too deeply")
             return None
         return content
 

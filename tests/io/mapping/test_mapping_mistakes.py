@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from point_target import line_of
@@ -25,7 +27,10 @@ GOOD = {
         ({"frequency": "ghz"}, ["290 to 300 Hz", "unit"]),
         ({"frequency": "bad"}, ["not finite", "number 20"]),
         ({"frequency": "jump"}, ["equal rising steps"]),
-        ({"frequency": {"start": 1e9, "step": 1e9, "points": 5}}, ["length 21 along 'frequency'", "5 values"]),
+        (
+            {"frequency": {"start": 1e9, "step": 1e9, "points": 5}},
+            ["frequency has 5 points", "21 samples along its axis"],
+        ),
         ({"tx": {"position": "rx"}}, ["7 places of tx", "5 samples"]),
         ({"tx": {"position": "f"}}, ["shape (21,)", "(n, 3)"]),
         ({"s": {"variable": "s", "dims": ["frequency", "tx"]}}, ["shape (21, 5, 7)", "2 axes"]),
@@ -39,6 +44,27 @@ def test_what_does_not_fit_is_said_with_its_place(npz, change, words):
         mf.import_data(npz, mapping=GOOD | change)
     for word in [str(npz), *words]:
         assert word in str(caught.value)
+
+
+MANY = {"start": 0.0, "stop": 1.0, "points": 20_000_000}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"frequency": MANY}, "frequency has 20000000 points, and there are 21 samples"),
+        ({"tx": {"x": MANY}}, "tx.x has 20000000 points, and there are 5 samples"),
+        ({"rx": {"z": MANY}}, "rx.z has 20000000 points, and there are 7 samples"),
+    ],
+)
+def test_more_points_than_samples_are_refused_before_they_are_made(npz, change, words):
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=words):
+            mf.import_data(npz, mapping=GOOD | change)
+        assert tracemalloc.get_traced_memory()[1] < 32 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_all_mistakes_of_a_mapping_are_said_at_once(tmp_path, npz):

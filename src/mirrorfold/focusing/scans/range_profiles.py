@@ -30,6 +30,7 @@ from mirrorfold.sweep import (
     wave_speed,
     wavenumber,
 )
+from mirrorfold.sweep.samples import check_level
 
 LEAKAGE_BEAMS = 400
 """Approximate number of beams, evenly chosen, that give the leakage: its noise is then 6 % of that of a single beam."""
@@ -132,6 +133,7 @@ class Profiles:
             As `focus_raster`.
         """
         sweep = check_sweep(sweep)
+        check_level("sweep: s", sweep["s"].values)
         if settings.wave_speed is not None:
             sweep = sweep.assign_attrs(wave_speed=float(settings.wave_speed))
         if sweep["s"].ndim != 3:

@@ -53,9 +53,13 @@ class ArrangedSamples:
     speed: float
     attrs: dict[str, Any]
 
+    def count(self, axis: str) -> int:
+        """The number of samples along an axis."""
+        return self.s.shape[self.dims.index(axis)]
+
     def check_count(self, found: int, name: str, axis: str) -> None:
         """Refuse a number of places or angles that differs from the number of samples along an axis."""
-        expected = self.s.shape[self.dims.index(axis)]
+        expected = self.count(axis)
         if found != expected:
             raise self.quantities.fail(
                 f"there are {found} places of {name} and {expected} samples along {axis!r}; correct one"
@@ -84,7 +88,8 @@ def _arrays(samples: ArrangedSamples) -> tuple[Array, Array]:
     tx, rx = mapping.tx or mapping.elements, mapping.rx or mapping.elements
     assert tx is not None
     assert rx is not None
-    return samples.quantities.places(tx, "tx"), samples.quantities.places(rx, "rx")
+    counts = [samples.count(axis) if axis in samples.dims else None for axis in ("tx", "rx")]
+    return samples.quantities.places(tx, "tx", counts[0]), samples.quantities.places(rx, "rx", counts[1])
 
 
 def _pair_coords(tx: Array, rx: Array) -> dict[str, Any]:
@@ -102,7 +107,7 @@ def _pairs(samples: ArrangedSamples) -> xr.Dataset:
     tx, rx = _arrays(samples)
     index = []
     for row, places, name in ((pairs.tx, tx, "tx"), (pairs.rx, rx, "rx")):
-        numbers = quantities.row(row, f"pairs.{name}", "number")
+        numbers = quantities.row(row, f"pairs.{name}", "number", samples.count("pair"))
         samples.check_count(numbers.size, f"pairs.{name}", "pair")
         whole = np.rint(numbers).astype(int) - pairs.base
         bad = np.flatnonzero((whole < 0) | (whole >= len(places)) | (np.rint(numbers) != numbers))
@@ -158,12 +163,12 @@ def _moving(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of one moving antenna; a motion compensation to reference ranges is undone."""
     mapping, quantities, s = samples.mapping, samples.quantities, samples.s
     assert mapping.antenna is not None
-    antenna = quantities.places(mapping.antenna, "antenna")
+    antenna = quantities.places(mapping.antenna, "antenna", samples.count("position"))
     samples.check_count(len(antenna), "antenna", "position")
     coords = {"antenna_position": (("position", "axis"), antenna, {"units": "m"})}
     if mapping.compensation is None:
         return samples.sweep(s, ("position",), coords, {})
-    reference = quantities.row(mapping.compensation.range, "compensation.range", "length")
+    reference = quantities.row(mapping.compensation.range, "compensation.range", "length", samples.count("position"))
     samples.check_count(reference.size, "compensation.range", "position")
     s = s * np.exp(-4j * np.pi / samples.speed * samples.frequency[:, None] * reference)
     done = [*samples.attrs["processing"], "motion compensation to a reference range undone"]
@@ -174,7 +179,7 @@ def _raster(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of beams on a grid of azimuths and elevations, both made rising."""
     s, coords = samples.s, {}
     for at, name in ((-2, "azimuth"), (-1, "elevation")):
-        angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")
+        angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle", samples.count(name))
         samples.check_count(angle.size, name, name)
         if angle.size > 1 and np.all(np.diff(angle) < 0):
             angle, s = angle[::-1], np.flip(s, at)
@@ -186,7 +191,7 @@ def _beams(samples: ArrangedSamples) -> xr.Dataset:
     """The sweep of a list of beams, put on the grid of their angles."""
     angles = []
     for name in ("azimuth", "elevation"):
-        angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle")
+        angle = samples.quantities.row(getattr(samples.mapping, name), name, "angle", samples.count("beam"))
         samples.check_count(angle.size, name, "beam")
         angles.append(angle)
     azimuth, elevation, full = grid_beams(samples.quantities, samples.s, *angles)

@@ -16,6 +16,9 @@ from mirrorfold.io.mapping.names import unit_of_name
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
 
+STEP_BYTES = 40.0
+"""Memory that each point of a row of equal steps takes while it is made and checked [bytes]."""
+
 
 @dataclass
 class Quantities:
@@ -35,14 +38,19 @@ class Quantities:
         """An error about this file."""
         return InputError(f"{self.contents.path}: {message}")
 
-    def row(self, values: Values, name: str, kind: str) -> Array:
-        """A row of numbers in the SI unit of its kind (degrees for angles).
+    def row(self, values: Values, name: str, kind: str, samples: int | None = None) -> Array:
+        """A row of numbers in the SI unit of its kind (degrees for angles); `samples` is their number along its axis.
 
         Raises
         ------
         InputError
-            If it is missing, is no row of finite numbers, or has a unit of another kind.
+            If it is missing, is no row of finite numbers, has a unit of another kind, or is to be made with another
+            number of points than there are samples.
         """
+        if samples is not None and values.points not in (None, samples):
+            raise self.fail(
+                f"{name} has {values.points} points, and there are {samples} samples along its axis; correct one"
+            )
         if values.unit is not None and values.unit not in KINDS[kind]:
             expected = f"one of {', '.join(KINDS[kind])}" if KINDS[kind] else "none"
             raise self.fail(f"{name} has the unit {values.unit!r}, expected {expected}")
@@ -74,7 +82,7 @@ class Quantities:
         """A row of equal steps."""
         assert values.start is not None
         assert values.points is not None
-        check_memory(self.contents.path, 8.0 * values.points, "a row of its mapping")
+        check_memory(self.contents.path, STEP_BYTES * values.points, "a row of its mapping")
         if values.step is not None:
             return np.asarray(values.start + values.step * np.arange(values.points))
         assert values.stop is not None
@@ -100,8 +108,8 @@ class Quantities:
                 self.tables[file] = read_contents(path, "table")
         return self.tables[file]
 
-    def places(self, places: Places, name: str) -> Array:
-        """Positions [m], shape (n, 3).
+    def places(self, places: Places, name: str, samples: int | None = None) -> Array:
+        """Positions [m], shape (n, 3); for `samples` see `row`.
 
         Raises
         ------
@@ -112,7 +120,7 @@ class Quantities:
             raise self.fail(f"{name} has the unit {places.unit!r}, expected one of {', '.join(KINDS['length'])}")
         if places.position is None and places.file is None:
             rows = [
-                np.zeros(1) if row is None else self.row(row, f"{name}.{axis}", "length")
+                np.zeros(1) if row is None else self.row(row, f"{name}.{axis}", "length", samples)
                 for axis, row in zip("xyz", (places.x, places.y, places.z), strict=True)
             ]
             sizes = {row.size for row in rows if row.size != 1}

@@ -114,7 +114,7 @@ def to_frequency(
     else:
         row = mapping.time if axis == "time" else mapping.frequency
         assert row is not None
-        values = quantities.row(row, axis, axis)
+        values = quantities.row(row, axis, axis, s.shape[at])
     if values.size != s.shape[at]:
         raise quantities.fail(
             f"the samples have length {s.shape[at]} along {axis!r} (shape {s.shape}, axes {', '.join(dims)}) and there "

@@ -7,16 +7,18 @@ sweep. An image, a `DataArray` in memory, is the variable ``image`` on disk.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message
 from mirrorfold.common.phases import PHASE_STEP, PHASES
-from mirrorfold.common.reading import check_file
+from mirrorfold.common.reading import check_file, read_head
 from mirrorfold.common.signals import held_signals
 from mirrorfold.errors import InputError
 from mirrorfold.io.files import check_room, written_atomically
@@ -26,6 +28,7 @@ from mirrorfold.io.own.steady import SteadyFile
 from mirrorfold.io.readers import readers
 from mirrorfold.io.readers.contents import check_expansion, nbytes
 from mirrorfold.io.readers.hdf5 import check_netcdf
+from mirrorfold.io.readers.hdf5_process import own_links
 from mirrorfold.sweep import check_sweep
 
 GEOMETRY = ("frequency", "tx_position", "rx_position", "antenna_position")
@@ -45,9 +48,8 @@ def is_foreign(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix != ".nc" and any(suffix in reader.suffixes for reader in readers().values()):
         return True
-    with path.open("rb") as file:
-        if file.read(3) == b"CDF":
-            return True
+    if read_head(path, 3) == b"CDF":
+        return True
     if suffix != ".nc" or not h5py.is_hdf5(path):
         return False
     check_netcdf(path)
@@ -130,6 +132,11 @@ def _content(path: Path, only: Collection[str] | None = None) -> xr.DataTree:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged or not netCDF-4 ({reason}); {REMEDY}") from None
     for node in content.subtree:
+        strange = [name for name, variable in node.dataset.variables.items() if not _is_storable(variable)]
+        if strange:
+            names = ", ".join(map(in_message, strange))
+            warnings.warn(f"{path}: {names} holds neither numbers nor texts, and is left out", stacklevel=2)
+            node.dataset = node.to_dataset(inherit=False).drop_vars(strange)
         node.attrs = {name: decoded(value) for name, value in node.attrs.items()}
         conform_attrs(node.attrs)
     return content
@@ -152,6 +159,9 @@ def write(obj: xr.Dataset | xr.DataArray | xr.DataTree, path: Path) -> Path:
         content = xr.DataTree(image.to_dataset(name="image").assign_attrs(mirrorfold_kind="image"))
     else:
         content = xr.DataTree(check_sweep(obj).assign_attrs(mirrorfold_kind="sweep"))
+    strange = [name for node in content.subtree for name, one in node.variables.items() if not _is_storable(one)]
+    if strange:
+        raise InputError(f"{path}: netCDF holds numbers and texts, and {in_message(strange[0])} is neither; drop it")
     content = xr.DataTree.from_dict({node.path: _storable(node.to_dataset(inherit=False)) for node in content.subtree})
     encoding = {node.path: _encoding(node.to_dataset(inherit=False)) for node in content.subtree}
     with written_atomically(path) as temporary:
@@ -174,10 +184,7 @@ def _least_size(content: xr.DataTree) -> int:
 def _check_is_hdf5(path: Path) -> None:
     """Refuse a path with no readable file, or with one that is not HDF5, the format on which netCDF-4 is based."""
     check_file(path, "give the path of a netCDF file")
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
+    read_head(path, 1)
     if not h5py.is_hdf5(path):
         raise InputError(f"{path}: is not a netCDF-4 file; {REMEDY}")
 
@@ -190,16 +197,10 @@ def _check_sizes(path: Path, only: Collection[str] | None) -> None:
     InputError
         The message tells the size of the content, and what is available.
     """
-    sizes: dict[str, int] = {}
-
-    def count(name: str, item: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(item, h5py.Dataset) and (only is None or name in only):
-            sizes[name] = nbytes(item.shape or (), item.dtype.itemsize)
-
-    with h5py.File(path) as file:
-        file.visititems(count)
-    if sizes:
-        check_expansion(path, path.stat().st_size, sum(sizes.values()))
+    with h5py.File(path) as file:  # by its links: an array that is there under several names is read for each of them
+        items = (file.get(name) for name in own_links(file) if only is None or name in only)
+        size = sum(nbytes(item.shape or (), item.dtype.itemsize) for item in items if isinstance(item, h5py.Dataset))
+    check_expansion(path, path.stat().st_size, size)
 
 
 def _read_groups(path: Path, only: Collection[str] | None) -> xr.DataTree:
@@ -228,6 +229,13 @@ def _storable(content: xr.Dataset) -> xr.Dataset:
     for variable in content.variables.values():
         variable.attrs = {name: storable(value) for name, value in variable.attrs.items()}
     return content
+
+
+def _is_storable(variable: xr.Variable) -> bool:
+    """Whether netCDF can hold the values of a variable: numbers, texts, times, but no records or references."""
+    if variable.dtype.kind == "O":
+        return all(isinstance(value, str | bytes) for value in variable.values.flat)
+    return variable.dtype.kind in "biufSUMm" or variable.dtype in (np.complex64, np.complex128)
 
 
 def _encoding(content: xr.Dataset) -> dict[str, dict[str, Any]]:

@@ -15,7 +15,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from mirrorfold.common.arguments import one_of
-from mirrorfold.common.reading import check_file
+from mirrorfold.common.reading import check_file, read_head
 from mirrorfold.errors import InputError, printable
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, damaged
 
@@ -90,11 +90,7 @@ def recognise(path: Path) -> Reader:
     if path.is_dir():
         raise InputError(f"{path}: is a directory; give the files in it, or the folder with --positions")
     check_file(path, "check the path, and give a file")
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+    head = read_head(path, HEAD_BYTES)
     if not head:
         raise InputError(f"{path}: is empty; measure or copy it again")
     for reader in readers().values():

@@ -148,8 +148,8 @@ def check_netcdf(path: Path) -> None:
     ------
     InputError
         If the file would crash or block the process that opens it; if it shows data of other files, by external links,
-        external storage or virtual arrays; if its groups are no tree; if its texts would fill the memory; if it is
-        damaged.
+        external storage or virtual arrays; if its groups are no tree; if its texts or the blocks of its arrays would
+        fill the memory; if it is damaged.
     """
     state = path.stat()
     answer = _checked(str(path.absolute()), state.st_mtime_ns, state.st_size)

@@ -45,6 +45,7 @@ def survey(path: str) -> dict[str, Any]:
             if not isinstance(item, h5py.Dataset):
                 continue
             check_own_values(name, item)
+            budget.check_block(name, item)
             described = _described(name, item, budget)
             if described is not None:
                 found.append(described)
@@ -65,7 +66,7 @@ def check_netcdf(path: str) -> int:
     ------
     RefusedError
         If the file refers to other files, its groups are no tree, so that a walk through them might never end, or its
-        texts would fill the memory.
+        texts or the blocks of its arrays would fill the memory.
     """
     budget = Budget(os.path.getsize(path))
     with h5py.File(path, "r") as file:
@@ -86,6 +87,7 @@ def check_netcdf(path: str) -> int:
                 _touch_attrs(item, budget)
             if isinstance(item, h5py.Dataset):
                 check_own_values(name, item)
+                budget.check_block(name, item)
                 _touch_attrs(item, budget)
                 try:
                     _touch(name, item, budget)

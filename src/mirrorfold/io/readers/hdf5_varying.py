@@ -1,4 +1,6 @@
-"""Limit on texts and rows of variable length in HDF5 files: many may share the same bytes, and expand in memory."""
+"""Limits on what expands in memory when an HDF5 file is read: texts and rows of variable length, many of which may
+share the same bytes, and compressed blocks, which are expanded as a whole, however little of them an array holds.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from mirrorfold.io.readers.contents import HARMLESS_BYTES, LARGEST_EXPANSION
+from mirrorfold.io.readers.contents import HARMLESS_BYTES, LARGEST_EXPANSION, nbytes
 
 OBJECT_BYTES = 64
 """Memory that a text or a row takes in addition to its content [bytes]."""
@@ -51,6 +53,21 @@ class Budget:
         if varying:
             self._add(value, f"attribute {name!r}")
         return value
+
+    def check_block(self, name: str, dataset: h5py.Dataset) -> None:
+        """Refuse an array whose blocks are too large for a file of this size.
+
+        Raises
+        ------
+        RefusedError
+            If so; the message tells the size of a block.
+        """
+        size = nbytes(dataset.chunks or (), dataset.dtype.itemsize)
+        if size > self.limit:
+            raise RefusedError(
+                f"its variable {name!r} is stored in blocks of {size:.3g} bytes, more than {self.limit:.3g}, which no "
+                "measurement needs; store it in smaller blocks"
+            )
 
     def read(self, name: str, dataset: h5py.Dataset) -> None:
         """Read an array of texts or rows, to see how much memory it takes.

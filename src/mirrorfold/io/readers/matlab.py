@@ -8,13 +8,14 @@ MathWorks, "MAT-File Format", R2021b, chapter 1. Files of version 7.3 are HDF5.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.arguments import in_message
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Variable, check_expansion, read_bytes
@@ -39,6 +40,27 @@ NUMERIC = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13:
 """Types of arrays by the number of their class."""
 
 COMPLEX_FLAG = 0x08
+
+LONGEST_TEXT = 1 << 20
+"""Largest number of letters that are kept of a text."""
+
+OBJECT_BYTES = 800
+"""Memory that a variable takes in addition to its name and its values [bytes]."""
+
+
+@dataclass
+class _Found:
+    """The variables of a file of `stored` bytes, and the memory that they take [bytes]."""
+
+    path: Path
+    stored: int
+    variables: dict[str, Variable] = field(default_factory=dict)
+    taken: int = 0
+
+    def make_room(self, name: str, size: int) -> None:
+        """Count a variable of `size` bytes before it is made, and refuse a file that would fill the memory."""
+        self.taken += OBJECT_BYTES + len(name) + size
+        check_expansion(self.path, self.stored, self.taken, "the names and values of its variables")
 
 
 @dataclass
@@ -98,7 +120,7 @@ def read(path: Path) -> Contents:
         raise InputError(f"{path}: is cut off after {len(raw)} bytes, within the header; copy it again")
     order = "<" if raw[126:128] == b"IM" else ">"
     stream = _Stream(path, memoryview(raw), order, HEADER_BYTES)
-    variables: dict[str, Variable] = {}
+    found = _Found(path, len(raw))
     expanded = 0
     while stream.left() >= 8:
         kind, part = stream.element()
@@ -107,10 +129,10 @@ def read(path: Path) -> Contents:
             expanded += len(body)
             kind, part = _Stream(path, memoryview(body), order).element()
         if kind == MATRIX:
-            _matrix(_Stream(path, part, order), "", variables, 0)
-    if not variables:
+            _matrix(_Stream(path, part, order), "", found, 0)
+    if not found.variables:
         raise InputError(f"{path}: holds no array of numbers; save the measured variables into it")
-    return Contents(path, READER.name, variables, {"header": bytes(raw[:116]).decode("latin-1").strip(" \0")})
+    return Contents(path, READER.name, found.variables, {"header": bytes(raw[:116]).decode("latin-1").strip(" \0")})
 
 
 def _inflate(path: Path, part: memoryview, order: str, before: int, stored: int) -> bytes:
@@ -130,8 +152,8 @@ def _inflate(path: Path, part: memoryview, order: str, before: int, stored: int)
         raise InputError(f"{path}: is damaged: a compressed variable cannot be read ({error}); copy it again") from None
 
 
-def _matrix(stream: _Stream, name: str, variables: dict[str, Variable], depth: int) -> None:
-    """Add an array, or the content of a structure or cell, to the variables."""
+def _matrix(stream: _Stream, name: str, found: _Found, depth: int) -> None:
+    """Add an array, or the content of a structure or cell, to the variables that were found."""
     if depth > DEEPEST:
         raise stream.fail(f"structures are nested deeper than {DEEPEST}")
     if not stream.left():  # an empty field of a structure
@@ -148,48 +170,50 @@ def _matrix(stream: _Stream, name: str, variables: dict[str, Variable], depth: i
     own = bytes(stream.element()[1]).decode("latin-1")
     name = name or own
     if number in (CELL, STRUCT):
-        _compound(stream, name, number, shape, variables, depth)
+        _compound(stream, name, number, shape, found, depth)
         return
     if number == TEXT:
-        codes = stream.numbers()
+        codes = stream.numbers()[:LONGEST_TEXT]
+        found.make_room(name, 4 * codes.size)
         text = "".join(map(chr, codes.tolist())) if codes.dtype.kind == "u" and codes.itemsize < 4 else ""
-        variables[name] = Variable.of(np.array(text))
+        found.variables[name] = Variable.of(np.array(text))
         return
     parts = [stream.numbers() for _ in range(2 if is_complex else 1)]
     if any(part.size != prod(shape) for part in parts):
-        raise stream.fail(f"{name!r} has the shape {shape} and {parts[0].size} values")
+        raise stream.fail(f"{in_message(name)} has the shape {shape} and {parts[0].size} values")
     kind = np.dtype(NUMERIC[number])
     if is_complex:
-        values = np.empty(prod(shape), np.complex64 if kind == np.float32 else np.complex128)
+        kind = np.dtype(np.complex64 if kind == np.float32 else np.complex128)
+    found.make_room(name, prod(shape) * kind.itemsize)
+    if is_complex:
+        values = np.empty(prod(shape), kind)
         values.real, values.imag = parts
     else:
         values = parts[0].astype(kind)
-    variables[name] = Variable.of(values.reshape(shape, order="F"))
+    found.variables[name] = Variable.of(values.reshape(shape, order="F"))
 
 
-def _compound(
-    stream: _Stream, name: str, number: int, shape: tuple[int, ...], variables: dict[str, Variable], depth: int
-) -> None:
+def _compound(stream: _Stream, name: str, number: int, shape: tuple[int, ...], found: _Found, depth: int) -> None:
     """Add the content of a structure or a cell array to the variables; several elements are numbered from zero."""
     fields = [""]
     if number == STRUCT:
         length = stream.numbers()
         if length.size != 1 or not 0 < int(length[0]) <= stream.left():
-            raise stream.fail(f"the field names of {name!r} have no length")
+            raise stream.fail(f"the field names of {in_message(name)} have no length")
         raw = bytes(stream.element()[1])
         width = int(length[0])
         fields = ["." + raw[at : at + width].split(b"\0")[0].decode("latin-1") for at in range(0, len(raw), width)]
     count = prod(shape)
     if count * len(fields) * 8 > stream.left():  # every element takes eight bytes at least
-        raise stream.fail(f"{name!r} announces {count} elements")
+        raise stream.fail(f"{in_message(name)} announces {count} elements")
     numbered = number == CELL or count != 1
     for index in range(count):
         for suffix in fields:
             kind, part = stream.element()
             if kind != MATRIX:
-                raise stream.fail(f"an element of {name!r} is no array")
+                raise stream.fail(f"an element of {in_message(name)} is no array")
             label = f"{name}[{index}]{suffix}" if numbered else f"{name}{suffix}"
-            _matrix(_Stream(stream.path, part, stream.order), label, variables, depth + 1)
+            _matrix(_Stream(stream.path, part, stream.order), label, found, depth + 1)
 
 
 def recognises(path: Path, head: bytes) -> bool:

@@ -14,8 +14,27 @@ from mirrorfold.io.readers.contents import Contents, Variable, read_bytes
 RECORDS_AT = 4
 """Byte of the header at which the number of records is stored."""
 
+MOST_READ = 2
+"""Largest number of times that the bytes of a file are read; where it is exceeded, variables share the same bytes."""
+
 STREAMING = b"\xff\xff\xff\xff"
 """Number of records of a file that was not closed."""
+
+
+class _ReadOnce(io.BytesIO):
+    """The bytes of a file, which may not be read again and again, for one variable after the other."""
+
+    def __init__(self, path: Path, raw: bytes) -> None:
+        super().__init__(raw)
+        self._path, self._left = path, MOST_READ * len(raw)
+
+    def read(self, size: int | None = -1) -> bytes:
+        """The next `size` bytes."""
+        found = super().read(size)
+        self._left -= len(found)
+        if self._left < 0:
+            raise InputError(f"{self._path}: is damaged: its variables share the same bytes; copy or export it again")
+        return found
 
 
 def read(path: Path) -> Contents:
@@ -26,7 +45,7 @@ def read(path: Path) -> Contents:
     if raw[RECORDS_AT : RECORDS_AT + 4] == STREAMING:
         raise InputError(f"{path}: was not closed when it was written; its number of records is missing")
     # Read from memory, because reads beyond its end are cut off before anything is allocated.
-    with netcdf_file(io.BytesIO(raw), "r", mmap=False) as file:
+    with netcdf_file(_ReadOnce(path, raw), "r", mmap=False) as file:
         variables = {
             str(name): Variable.of(
                 np.array(found.data, dtype=found.data.dtype.newbyteorder("=")),
