@@ -21,6 +21,7 @@ from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection import Echoes, Mirror, View
+from mirrorfold.detection.echoes import noise_limit
 from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
@@ -38,9 +39,6 @@ FEWEST = 3
 MOST_PAIRS = 150
 """Largest number of echoes, evenly chosen, from which a wall is found: a volume has thousands, and its cells
 overlap."""
-
-NOISE_LIMIT = 6.0
-"""The limit that noise stays below, in standard deviations, see `noise_limit`."""
 
 SAME_LINE, SAME_WAY_DEG = 1.0, 10.0
 """A wall that is found once more after its echoes were sorted is the same if it moved by at most this many resolution
@@ -204,12 +202,13 @@ def agreed_odds(place: Array, odds: Array) -> Array:
 def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
     """Spectra of echoes behind a wall in both polarizations, and what is needed to judge them."""
     te, tm = (spectra(view, images[name], echoes.position) for name in ("TE", "TM"))
+    limit = noise_limit(1.0, images["TE"].size)  # in standard deviations of the real part, of which noise has two
     return Pairs(
         te=te,
         tm=tm,
         angle=incidence(view, echoes.position, mirror),
         wavenumber=wavenumbers(images["TE"]),
-        noise=(echoes.noise / (NOISE_LIMIT * echoes.amplitude)) ** 2,
+        noise=2.0 * (echoes.noise / (limit * echoes.amplitude)) ** 2,
         independent=independent(view, images["TE"]),
         cell=view.range_cell,
     )
