@@ -23,7 +23,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
 from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, scaled_to_single_precision
-from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.calibration.reflectors import check_reach, positions, sphere_paths
 from mirrorfold.common.arguments import number
 from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
@@ -102,6 +102,7 @@ def fit_reflectors(
     for one, where in zip(sweeps, places, strict=True):
         check_same_axes(sweeps[0], one, "the next sweep", antennas=False)
         centre = place(where, "at")
+        check_reach(centre, one)
         fit = _fit(one, centre, radius, largest_error, largest_common)
         if found:
             # Near the ends of the period, one sweep may give a delay just above zero, another just below the period.

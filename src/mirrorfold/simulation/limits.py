@@ -11,9 +11,8 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.memory import available_memory
-from mirrorfold.common.plausible import extent, frequency_unit, length_unit, pitch
+from mirrorfold.common.plausible import extent, frequency_unit, length_unit, pitch, reach, shorter_unit
 from mirrorfold.common.types import Array
-from mirrorfold.common.units import KINDS
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Arc, Circle
@@ -21,11 +20,6 @@ from mirrorfold.scenes.surfaces import Arc, Circle
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.simulation.raster.meshes import Solid
-
-REACH_IN_AMBIGUOUS_RANGES = 10.0
-REACH_IN_WAVELENGTHS = 1e5
-"""Largest plausible distance of a surface: this many ambiguous ranges, or this many wavelengths at the top of the band,
-whichever is longer. A surface farther away was given in a wrong unit, or is out of reach of the radar."""
 
 CLEARANCE = 0.5 / np.pi
 """Least distance of antennas from surfaces in wavelengths, ``k d = 1``: nearer, the field of a source is not yet the
@@ -145,15 +139,14 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
 def _check_surfaces(scene: Scene | Scene3D) -> None:
     """Refuse surfaces farther away than the largest plausible distance."""
     ambiguous = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
-    limit = max(REACH_IN_AMBIGUOUS_RANGES * ambiguous, REACH_IN_WAVELENGTHS * speed_of_light / scene.band.stop)
+    limit = reach(ambiguous, speed_of_light / scene.band.stop)
     for index, surface in enumerate(scene.surface):
         away = _distance(scene, surface)
         if away > limit:
-            meant = [unit for unit in ("cm", "mm") if away * KINDS["length"][unit] < limit]
-            hint = f", perhaps {away:g} {meant[-1]} were meant" if meant else ""
             raise InputError(
                 f"scene {scene.name!r}: surface[{index}] {surface.name!r} reaches {away:.4g} m from the radar, whose "
-                f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m{hint}"
+                f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m"
+                + shorter_unit(away, limit)
             )
 
 
