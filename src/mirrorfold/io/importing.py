@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -150,12 +149,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
     if mapping is not None:
         return assemble(contents, mapping)
     if contents.mapping is not None:
-        unknown = [*contents.attrs.get("unknown headings", ()), *contents.attrs.get("halves", ())]
-        if unknown:
-            warnings.warn(
-                f"{contents.path}: the columns {listed(map(repr, unknown))} are not understood and left out",
-                stacklevel=4,
-            )
+        contents.warn_of_columns()
         return assemble(contents, load_mapping(dict(contents.mapping)))
     if {"s", "frequency"} <= set(contents.variables) and contents.reader == "hdf5":
         from mirrorfold.io.own.netcdf import read

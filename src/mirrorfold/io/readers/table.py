@@ -1,8 +1,9 @@
 """Text tables: CSV with complex numbers as ``a+bi``, in two columns, or as magnitude and phase, and the CSV exports of
 network analysers (Rohde & Schwarz, Keysight and others).
 
-Columns are separated by commas, semicolons, tabs or blanks; with semicolons or tabs, numbers may have decimal commas.
-Lines that begin with one of ``# ! % //`` are comments; the last line of words before the numbers holds the headings.
+Columns are separated by commas, semicolons, tabs, bars or blanks; with semicolons, tabs or bars, numbers may have
+decimal commas. Lines that begin with one of ``# ! % //`` are comments; the last line of words before the numbers holds
+the headings, or if none does, the last comment. Columns of words whose headings are not understood are left out.
 """
 
 from __future__ import annotations
@@ -26,6 +27,12 @@ GROWTH = 30.0
 SUFFIXES = (".csv", ".txt")
 
 COMMENTS = ("#", "!", "%", "//")
+
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""First bytes of texts in UTF-16, as Windows writes them."""
+
+FEWEST_NUMBERS = 2
+"""Least count of numbers in a line that begins with words."""
 
 FRAMES = ("BEGIN", "END")
 """First words of the lines before and after the data of Keysight's analysers."""
@@ -77,10 +84,13 @@ class Table:
         Empty if there is not one for each column.
     values : (rows, columns) array
         Real, or complex if one of the cells is.
+    words : list of str
+        Headings of the columns that hold no numbers and are left out.
     """
 
     headings: list[str]
     values: NDArray
+    words: list[str]
 
 
 def read(path: Path) -> Contents:
@@ -97,7 +107,7 @@ def read(path: Path) -> Contents:
     for n, heading in enumerate(table.headings):
         variables.setdefault(heading, Variable.of(table.values[:, n]))
     attrs = {
-        "unknown headings": [heading for heading in unknown if not pair_tables.is_known(heading)],
+        "unknown headings": [*table.words, *(heading for heading in unknown if not pair_tables.is_known(heading))],
         "halves": halves,
     }
     mapping = None if table_sweep is None else table_sweep.mapping
@@ -113,35 +123,45 @@ def read_table(path: Path) -> Table:
         If a line holds something else, or has another number of columns; the message tells the line.
     """
     raw = read_bytes(path, growth=GROWTH)
-    if b"\0" in raw:
+    wide = raw.startswith(UTF_16)
+    if b"\0" in raw and not wide:
         raise InputError(f"{path}: holds binary data, expected a text table; give the file its true name")
-    lines = [
-        (number, line.strip())
-        for number, line in enumerate(raw.decode("utf-8-sig", "replace").splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith(COMMENTS) and not _is_frame(line)
-    ]
+    text = raw.decode("utf-16" if wide else "utf-8-sig", "replace")
+    every = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(number, line) for number, line in every if not line.startswith(COMMENTS) and not _is_frame(line)]
     first = next((n for n, (_, line) in enumerate(lines) if _begins_with_number(line)), None)
+    for n in range(1, len(lines)) if first is None else range(max(first - 1, 1), first):
+        if _holds_words(lines[n - 1][1], lines[n][1]):
+            first = n
+            break
     if first is None:
         raise InputError(f"{path}: holds no line of numbers; export the samples as a table")
     delimiter = _delimiter(lines[first][1])
+    cells = split(lines[first][1], delimiter)
+    before = [lines[first - 1][1]] if first else []
+    before += [line.lstrip("#!%/ ") for number, line in every if number < lines[first][0]][-1:]
+    named = [[heading.strip("\"' ") for heading in _headings(line, delimiter)] for line in before]
+    headings = next((names for names in named if len(names) == len(cells) > _numbers(names)), [])
+    words = {n for n, name in enumerate(headings) if _number(cells[n], delimiter) is None and not _is_understood(name)}
     rows: list[list[complex]] = []
-    columns, is_complex = 0, False
+    is_complex, decimal_comma = False, delimiter != ","
     for number, line in lines[first:]:
-        cells = split(line, delimiter)
+        found = split(line, delimiter)
+        if len(found) != len(cells):
+            raise InputError(f"{path}: line {number} has {len(found)} columns, expected {len(cells)} as before")
         values = []
-        for cell in cells:
-            value = parse_number(cell, decimal_comma=delimiter != ",")
+        for cell in [cell for n, cell in enumerate(found) if n not in words] if words else found:
+            value = parse_number(cell, decimal_comma=decimal_comma)
             if value is None:
                 raise InputError(f"{path}: line {number} holds {cell[:40]!r}, expected a number")
             is_complex = is_complex or isinstance(value, complex)
             values.append(value)
-        columns = columns or len(values)
-        if len(values) != columns:
-            raise InputError(f"{path}: line {number} has {len(values)} columns, expected {columns} as before")
         rows.append(values)
-    headings = _headings(lines[first - 1][1], delimiter) if first else []
-    headings = headings if len(headings) == columns else []
-    return Table([heading.strip("\"' ") for heading in headings], np.array(rows, complex if is_complex else float))
+    return Table(
+        [name for n, name in enumerate(headings) if n not in words],
+        np.array(rows, complex if is_complex else float),
+        [headings[n] for n in sorted(words)],
+    )
 
 
 def _is_frame(line: str) -> bool:
@@ -152,12 +172,37 @@ def _is_frame(line: str) -> bool:
 def _begins_with_number(line: str) -> bool:
     """Whether the first two cells of a line are numbers."""
     delimiter = _delimiter(line)
-    return all(parse_number(cell, decimal_comma=delimiter != ",") is not None for cell in split(line, delimiter)[:2])
+    return all(_number(cell, delimiter) is not None for cell in split(line, delimiter)[:2])
+
+
+def _holds_words(headings: str, line: str) -> bool:
+    """Whether a line holds numbers beside words, under a line with a heading for each column."""
+    delimiter = _delimiter(line)
+    cells = split(line, delimiter)
+    names = _headings(headings, delimiter)
+    return len(names) == len(cells) and _numbers(cells, delimiter) >= FEWEST_NUMBERS > _numbers(names)
+
+
+def _is_understood(heading: str) -> bool:
+    """Whether a heading names a frequency, a part of a sample, an antenna or a place."""
+    text = heading[:LONGEST_CELL]
+    known = FREQUENCY.match(text) or PARAMETER.search(text) or pair_tables.is_known(text)
+    return bool(known or _kind(text)[0] is not None)
+
+
+def _numbers(cells: list[str], delimiter: str = ",") -> int:
+    """How many cells hold a number."""
+    return sum(_number(cell, delimiter) is not None for cell in cells)
+
+
+def _number(cell: str, delimiter: str = ",") -> float | complex | None:
+    """The number in a cell, whose decimal mark may be a comma unless commas separate the cells."""
+    return parse_number(cell, decimal_comma=delimiter != ",")
 
 
 def _delimiter(line: str) -> str:
     """The mark that separates the columns of a line; a blank for any white space."""
-    return next((mark for mark in (";", "\t", ",") if mark in line), " ")
+    return next((mark for mark in (";", "\t", "|", ",") if mark in line), " ")
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -232,10 +277,12 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
         for n, heading in enumerate(table.headings)
         if n != at and (not pair_tables.is_known(heading) or table.values[:, n].imag.any())
     }
-    if others and np.iscomplexobj(table.values):
-        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in others.items()}), [], {}
+    taken = {n: heading for n, heading in others.items() if _is_complex(heading, table.values[:, n])}
+    if taken and np.iscomplexobj(table.values):
+        unknown = [heading for n, heading in others.items() if n not in taken]
+        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in taken.items()}), unknown, {}
     parts: dict[str, dict[str, NDArray[np.float64]]] = {}
-    unknown: list[str] = []
+    unknown = []
     whose: dict[tuple[str, str], str] = {}
     for n, heading in others.items():
         kind, name = _kind(heading)
@@ -250,6 +297,11 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
     halves = {heading: HALVES[kind] for (name, kind), heading in whose.items() if made[name] is None}
     complete = {name: values for name, values in made.items() if values is not None}
     return (Spectra(frequency, complete, phases) if complete else None), unknown, halves
+
+
+def _is_complex(heading: str, values: NDArray) -> bool:
+    """Whether a column holds complex samples: by its values, or in a dead channel by its heading, such as S_1_2."""
+    return bool(values.imag.any()) or (PARAMETER.search(heading[:LONGEST_CELL]) is not None and not _kind(heading)[0])
 
 
 def _kind(heading: str) -> tuple[str | None, str]:
@@ -303,7 +355,7 @@ def _complex(columns: dict[str, NDArray[np.float64]], unit: str) -> NDArray[np.c
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file is text."""
-    return b"\0" not in head
+    return b"\0" not in head or head.startswith(UTF_16)
 
 
 READER = Reader("table", "text tables: complex CSV, and the CSV of network analysers", recognises, read, SUFFIXES)
