@@ -197,10 +197,10 @@ def _polarized(files: Sequence[Path], text: str, read: Callable[[Path], xr.Datas
 
 
 def _is_image(files: list[Path], mapping: str | None, positions: Path | None) -> bool:
-    """Whether the files are point clouds, which are imported as images, by their suffixes."""
-    from mirrorfold.io.readers.cloud import SUFFIXES
+    """Whether the files are point clouds, which are imported as images."""
+    from mirrorfold.io.images import is_cloud
 
-    return mapping is None and positions is None and all(file.suffix.lower() in SUFFIXES for file in files)
+    return mapping is None and positions is None and all(map(is_cloud, files))
 
 
 def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:

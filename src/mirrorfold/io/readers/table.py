@@ -1,15 +1,14 @@
 """Text tables: CSV with complex numbers as ``a+bi``, in two columns, or as magnitude and phase, and the CSV exports of
 network analysers (Rohde & Schwarz, Keysight and others).
 
-Columns are separated by commas, semicolons, tabs, bars or blanks; with semicolons, tabs or bars, numbers may have
-decimal commas. Lines that begin with one of ``# ! % //`` are comments; the last line of words before the numbers holds
-the headings, or if none does, the last comment. Columns of words whose headings are not understood are left out.
+`lines` tells where the numbers begin. Columns of words whose headings are not understood are left out.
 """
 
 from __future__ import annotations
 
 import re
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader, pair_tables
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
+from mirrorfold.io.readers.lines import LONGEST_CELL, UTF_16, begun, number_in, parse_number, split
 from mirrorfold.io.readers.phases import phase_unit
 
 GROWTH = 30.0
@@ -26,24 +26,8 @@ GROWTH = 30.0
 
 SUFFIXES = (".csv", ".txt")
 
-COMMENTS = ("#", "!", "%", "//")
-
-UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-"""First bytes of texts in UTF-16, as Windows writes them."""
-
-FEWEST_NUMBERS = 2
-"""Least count of numbers in a line that begins with words."""
-
-FRAMES = ("BEGIN", "END")
-"""First words of the lines before and after the data of Keysight's analysers."""
-
-NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf(?:inity)?)"
-REAL = re.compile(NUMBER, re.IGNORECASE)
-UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECASE)
-
-LONGEST_CELL = 200
-"""Largest number of letters of a number, or of a heading that is searched for its meaning; the time for this grows with
-the square of the length."""
+HEAD_BYTES = 1 << 16
+"""Number of first bytes of a table in which its headings are looked for."""
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "thz": 1e12}
 
@@ -122,30 +106,13 @@ def read_table(path: Path) -> Table:
     InputError
         If a line holds something else, or has another number of columns; the message tells the line.
     """
-    raw = read_bytes(path, growth=GROWTH)
-    wide = raw.startswith(UTF_16)
-    if b"\0" in raw and not wide:
-        raise InputError(f"{path}: holds binary data, expected a text table; give the file its true name")
-    text = raw.decode("utf-16" if wide else "utf-8-sig", "replace")
-    every = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(number, line) for number, line in every if not line.startswith(COMMENTS) and not _is_frame(line)]
-    first = next((n for n, (_, line) in enumerate(lines) if _begins_with_number(line)), None)
-    for n in range(1, len(lines)) if first is None else range(max(first - 1, 1), first):
-        if _holds_words(lines[n - 1][1], lines[n][1]):
-            first = n
-            break
-    if first is None:
-        raise InputError(f"{path}: holds no line of numbers; export the samples as a table")
-    delimiter = _delimiter(lines[first][1])
-    cells = split(lines[first][1], delimiter)
-    before = [lines[first - 1][1]] if first else []
-    before += [line.lstrip("#!%/ ") for number, line in every if number < lines[first][0]][-1:]
-    named = [[heading.strip("\"' ") for heading in _headings(line, delimiter)] for line in before]
-    headings = next((names for names in named if len(names) == len(cells) > _numbers(names)), [])
-    words = {n for n, name in enumerate(headings) if _number(cells[n], delimiter) is None and not _is_understood(name)}
+    lines, headings, cells, delimiter = begun(path, read_bytes(path, growth=GROWTH))
+    words = {
+        n for n, name in enumerate(headings) if number_in(cells[n], delimiter) is None and not _is_understood(name)
+    }
     rows: list[list[complex]] = []
     is_complex, decimal_comma = False, delimiter != ","
-    for number, line in lines[first:]:
+    for number, line in lines:
         found = split(line, delimiter)
         if len(found) != len(cells):
             raise InputError(f"{path}: line {number} has {len(found)} columns, expected {len(cells)} as before")
@@ -164,23 +131,13 @@ def read_table(path: Path) -> Table:
     )
 
 
-def _is_frame(line: str) -> bool:
-    """Whether a line is one of those before and after the data of Keysight's analysers."""
-    return line.split(None, 1)[0].upper().rstrip(",;") in FRAMES
-
-
-def _begins_with_number(line: str) -> bool:
-    """Whether the first two cells of a line are numbers."""
-    delimiter = _delimiter(line)
-    return all(_number(cell, delimiter) is not None for cell in split(line, delimiter)[:2])
-
-
-def _holds_words(headings: str, line: str) -> bool:
-    """Whether a line holds numbers beside words, under a line with a heading for each column."""
-    delimiter = _delimiter(line)
-    cells = split(line, delimiter)
-    names = _headings(headings, delimiter)
-    return len(names) == len(cells) and _numbers(cells, delimiter) >= FEWEST_NUMBERS > _numbers(names)
+def headings_of(path: Path) -> list[str]:
+    """The headings of a text table, from its first bytes; empty if it has none, or cannot be read as a table."""
+    with suppress(InputError, OSError):
+        if path.suffix.lower() in SUFFIXES:
+            with path.open("rb") as file:
+                return begun(path, file.read(HEAD_BYTES)).headings
+    return []
 
 
 def _is_understood(heading: str) -> bool:
@@ -188,69 +145,6 @@ def _is_understood(heading: str) -> bool:
     text = heading[:LONGEST_CELL]
     known = FREQUENCY.match(text) or PARAMETER.search(text) or pair_tables.is_known(text)
     return bool(known or _kind(text)[0] is not None)
-
-
-def _numbers(cells: list[str], delimiter: str = ",") -> int:
-    """How many cells hold a number."""
-    return sum(_number(cell, delimiter) is not None for cell in cells)
-
-
-def _number(cell: str, delimiter: str = ",") -> float | complex | None:
-    """The number in a cell, whose decimal mark may be a comma unless commas separate the cells."""
-    return parse_number(cell, decimal_comma=delimiter != ",")
-
-
-def _delimiter(line: str) -> str:
-    """The mark that separates the columns of a line; a blank for any white space."""
-    return next((mark for mark in (";", "\t", "|", ",") if mark in line), " ")
-
-
-def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line; a mark at its end is ignored."""
-    if delimiter == " ":
-        return line.split()
-    return [cell.strip().strip('"') for cell in line.rstrip(delimiter + " ").split(delimiter)]
-
-
-def _headings(line: str, delimiter: str) -> list[str]:
-    """The cells of a line of headings; marks within parentheses, as in ``S(2,1)``, separate no cells."""
-    if delimiter == " ":
-        return line.split()
-    line = line.rstrip(delimiter + " ")
-    pieces, end, inside = [], len(line), False
-    for at in range(len(line) - 1, -1, -1):
-        if line[at] in "()[]":
-            inside = line[at] in ")]"
-        elif line[at] == delimiter and not inside:
-            pieces.append(line[at + 1 : end])
-            end = at
-    return [piece.strip().strip('"') for piece in (line[:end], *reversed(pieces))]
-
-
-def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex | None:
-    """A real or complex number, as Python, MATLAB and others write it; None for anything else.
-
-    Examples
-    --------
-    >>> parse_number("-0.25-4e-3i"), parse_number("(1+2j)"), parse_number("1.5"), parse_number("1+j2")
-    ((-0.25-0.004j), (1+2j), 1.5, (1+2j))
-    """
-    text = cell.replace(" ", "").strip("()")
-    if len(text) > LONGEST_CELL:
-        return None
-    if decimal_comma:
-        text = text.replace(",", ".")
-    if REAL.fullmatch(text):
-        return float(text)
-    in_front = UNIT_IN_FRONT.fullmatch(text)
-    if in_front:
-        text = f"{in_front[1]}{in_front[2]}{in_front[3]}j"
-    if text.isascii() and text[-1:] in ("i", "j", "I", "J") and "_" not in text:
-        try:
-            return complex(text[:-1].rstrip("*") + "j")
-        except ValueError:
-            return None
-    return None
 
 
 def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[str, str]]:
