@@ -14,6 +14,7 @@ from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.arguments import boolean, in_message, number, wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 from mirrorfold.errors import InputError
+from mirrorfold.io.own.checks import check_reconstruction
 from mirrorfold.io.plans import as_plan
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ def expect_reconstruction(name: str, value: object) -> None:
     """
     if not isinstance(value, xr.DataTree):
         raise wrong_kind(f"plot.{name}", value, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
+    check_reconstruction(value, source=f"plot.{name}")
 
 
 def known_scene(scene: Any) -> Scene | Scene3D | None:
