@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.arguments import in_message, wrong_kind
+from mirrorfold.common.arguments import finite, in_message, wrong_kind
 from mirrorfold.common.plausible import (
     any_nonzero,
     constant_part,
@@ -23,7 +23,7 @@ from mirrorfold.common.plausible import (
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
-from mirrorfold.common.units import other_unit
+from mirrorfold.common.units import FARTHEST, other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
@@ -243,10 +243,14 @@ def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse a `wave_speed` that is no positive number, and a `scene_center` or `origin` that is no place in space."""
+    """Refuse a `wave_speed` or a beam that is no positive number, and a `scene_center` or `origin` that is no place."""
     speed = sweep.attrs.get("wave_speed", speed_of_light)
     if isinstance(speed, bool) or not isinstance(speed, (int, float, np.number)) or not 0.0 < float(speed) < np.inf:
         raise refuse(f"attr wave_speed is {in_message(speed)}, expected a positive number of metres per second")
+    for name, lowest in (("spot_radius", np.finfo(float).tiny), ("focus_distance", 0.0)):
+        size = finite(sweep.attrs.get(name, 1.0))
+        if size is None or not lowest <= size <= FARTHEST:
+            raise refuse(f"attr {name} is {in_message(sweep.attrs[name])}, expected a positive number of metres")
     for name in ("scene_center", "origin"):
         centre = sweep.attrs.get(name)
         try:
