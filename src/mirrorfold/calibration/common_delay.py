@@ -103,10 +103,16 @@ def fit_reflectors(
         check_same_axes(sweeps[0], one, "the next sweep", antennas=False)
         centre = place(where, "at")
         check_reach(centre, one)
-        fit = _fit(one, centre, radius, largest_error, largest_common)
+        period = 2.0 * ambiguous_range(one)
+        if largest_error > period:
+            raise InputError(
+                f"errors of up to {largest_error:.3g} m are looked for, expected at most {period:.3g} m, the longest "
+                "delay that the frequency steps tell"
+            )
+        common = None if largest_common is None else min(largest_common, period)
+        fit = _fit(one, centre, radius, largest_error, common)
         if found:
             # Near the ends of the period, one sweep may give a delay just above zero, another just below the period.
-            period = 2.0 * ambiguous_range(one)
             fit = fit.later(period * np.round((found[0][2].common - fit.common) / period))
         found.append((one, centre, fit))
     return found

@@ -13,6 +13,9 @@ from typing import Any, get_args
 from mirrorfold.common.units import QUANTITIES, foreign_unit
 from mirrorfold.errors import InputError
 
+LONGEST_NAME = 255
+"""Longest name of a file or folder in the usual file systems."""
+
 LONGEST = 60
 """A message shows at most this many characters of a value."""
 
@@ -95,7 +98,7 @@ def finite(value: Any) -> float | None:
         return None
     try:
         number = float(value)
-    except OverflowError:  # a whole number of hundreds of digits
+    except (OverflowError, TypeError):  # a whole number of hundreds of digits, or a time of NumPy
         return None
     return number if isfinite(number) else None
 
@@ -188,10 +191,13 @@ def path_of(name: str, value: Any, expected: str = "the path of a file") -> Path
     Raises
     ------
     InputError
-        If the argument is no path.
+        If the argument is no path, or one that no file can have.
     """
     if isinstance(value, str | os.PathLike):
-        return Path(value)
+        path = Path(value)
+        if max(map(len, path.parts), default=0) > LONGEST_NAME:
+            raise InputError(f"{name}: {described(path)} has a name of more than {LONGEST_NAME} letters; shorten it")
+        return path
     raise wrong_kind(name, value, expected)
 
 

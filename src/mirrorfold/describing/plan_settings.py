@@ -154,9 +154,11 @@ class PlanSettings(Quantities):
 
 def _two(name: str, value: Any, expected: str) -> tuple[Any, Any]:
     """Both entries of a pair; a value that is no pair is refused."""
-    if isinstance(value, str) or not (isinstance(value, Sequence) or hasattr(value, "shape")) or len(value) != 2:
+    several = isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2
+    if not several and getattr(value, "shape", None) != (2,):
         raise InputError(f"{name} is {in_message(value)}, expected {expected}")
-    return value[0], value[1]
+    first, second = value
+    return first, second
 
 
 def _materials(given: Any) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import in_message, is_boolean, wrong_kind
+from mirrorfold.common.arguments import in_message, is_boolean, path_of, wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.assembly import assemble, join
@@ -80,7 +80,7 @@ def import_data(
     for one in given:
         if not isinstance(one, str | Path):
             raise wrong_kind("import_data", one, "the path of a file, or a list of them")
-    paths = [Path(one) for one in given]
+    paths = [path_of("import_data", one) for one in given]
     sweep = _import(paths, mapping, positions, parameter, reader, progress)
     return sweep if frame is None else _one_frame(sweep, frame)
 

@@ -28,6 +28,7 @@ from mirrorfold.plotting.axes import (
     Extent,
     axes_or_new,
     checked_extent,
+    checked_floor,
     colour_of,
     draw_radar,
     draw_truth,
@@ -90,9 +91,7 @@ def image(
     """
     if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
         raise wrong_kind("plot.image", image, "an image (xarray.DataArray) with the dimensions (y, x)")
-    floor_db = number("floor_db", floor_db, "dB")
-    if floor_db >= 0:
-        raise InputError(f"floor_db is {in_message(floor_db)}, expected a negative number of decibels, for example -40")
+    floor_db = checked_floor(floor_db)
     one_of("normalization", normalization, ("r", "none"))
     radar, colorbar = place(radar, "radar"), boolean("colorbar", colorbar)
     extent = checked_extent(extent)

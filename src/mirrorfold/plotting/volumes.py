@@ -16,13 +16,14 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_outlines
-from mirrorfold.common.arguments import boolean, number
+from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import (
     axes_or_new,
+    checked_floor,
     draw_radar,
     draw_truth,
     expect_reconstruction,
@@ -120,7 +121,7 @@ def body(
     """
     columns = _points(reconstruction)
     scene = None if scene is None else scene_in_space(scene)
-    floor_db = number("floor_db", floor_db, "dB")
+    floor_db = checked_floor(floor_db)
     hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
     if hidden.sum() < FEWEST:
         raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")
