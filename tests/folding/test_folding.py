@@ -403,3 +403,8 @@ def test_a_plan_that_is_done_with_keeps_no_image(image):
         assert forgotten() is None
     finally:
         gc.enable()
+
+
+def test_a_shortest_mirror_without_length_is_refused(image):
+    with pytest.raises(mf.InputError, match="minimum_length is 5e-324"):
+        mf.fold(image, minimum_length=5e-324)
