@@ -102,3 +102,11 @@ def test_scenes_of_other_waves_and_sizes_are_not_refused():
          "surface": [{"name": "hill", "kind": "segment", "start": [-500, 1500], "end": [500, 1500]}]},
     ):  # fmt: skip
         check_extent(mf.parse_scene(content))
+
+
+@pytest.mark.parametrize("bounces", [1001, 1e308])
+def test_more_bounces_than_echoes_survive_are_refused(bounces, reconstruction):
+    scene = mf.parse_scene(SCENE)
+    for work in (mf.simulate, estimate, lambda scene, bounces: mf.score(reconstruction, scene, bounces=bounces)):
+        with pytest.raises(mf.InputError, match=r"bounces is .*, expected a whole number from 0 to 1000"):
+            work(scene, bounces=bounces)

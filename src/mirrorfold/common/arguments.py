@@ -171,8 +171,10 @@ def expect_unit(name: str, value: Any, unit: str) -> None:
         raise InputError(f"{name} is in {other[:LONGEST]}, expected {unit}; convert it first")
 
 
-def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole number") -> int:
-    """A whole number of at least `lowest`.
+def whole_number(
+    name: str, value: Any, *, lowest: int = 0, highest: int | None = None, what: str = "a whole number"
+) -> int:
+    """A whole number of at least `lowest`, and at most `highest` if there is such a bound.
 
     Raises
     ------
@@ -180,8 +182,9 @@ def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole
         If the value is no such number; `what` says what was expected.
     """
     found = finite(value)
-    if found is None or not found.is_integer() or found < lowest:
-        raise InputError(f"{name} is {in_message(value)}, expected {what} of at least {lowest}")
+    if found is None or not found.is_integer() or found < lowest or (highest is not None and found > highest):
+        limits = f"of at least {lowest}" if highest is None else f"from {lowest} to {highest}"
+        raise InputError(f"{name} is {in_message(value)}, expected {what} {limits}")
     return int(value)
 
 
