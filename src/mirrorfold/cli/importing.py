@@ -119,6 +119,8 @@ def import_(
     json
         Print what was found as one JSON object.
     """
+    from mirrorfold.sweep import unit_doubts
+
     if not files:
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
@@ -149,8 +151,11 @@ def import_(
                 found = read(list(files)) if polarization is None else _polarized(files, polarization, read)
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
-    named = [finding.what for finding in facts.get("findings", ())]
-    # `facts.remarks` repeats the warnings of findings, with their remedy.
+    findings = facts.get("findings", ())
+    # `facts.remarks` repeats the warnings of findings, with their remedy. A finding is surer than what lengths suggest.
+    named = [finding.what for finding in findings]
+    guesses = unit_doubts(found) if findings else []
+    named += [guess.what for guess in guesses if guess.name in {finding.name for finding in findings}]
     notes = [one for one in notes if not any(one.startswith(what) for what in named)]
     remarks = [*notes, *facts.remarks]
     remark(remarks)
