@@ -160,8 +160,8 @@ def fold(
     if frame_count(image) is not None:
         if sweep is not None and frame_count(sweep) != frame_count(image):
             raise InputError(
-                f"sweep: has {frame_count(sweep)} frames and the image {frame_count(image)}; give the sweep that the "
-                "image was focused from"
+                f"sweep: has {frame_count(sweep) or 'no'} frames and the image {frame_count(image)}; give the sweep "
+                "that the image was focused from, or one frame of the image with --frame N, in Python mf.pick_frame"
             )
 
         fold_frame = partial(fold, mirrors=mirrors, preset=preset, memory_limit=memory_limit, **given)

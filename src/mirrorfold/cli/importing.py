@@ -263,7 +263,7 @@ def export(
     from mirrorfold.io.suffixes import check_suffix
 
     found = read(file, "sweep", "image", "reconstruction")
-    if frame is not None:
+    if frame is not None or hasattr(found, "s"):
         found = mf.pick_frame(found, frame)
     if not hasattr(found, "s"):
         output_file(output, inputs=[file])

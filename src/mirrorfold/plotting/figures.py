@@ -22,6 +22,7 @@ from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points, passed_walls
+from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io.plans import as_plan
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
@@ -89,6 +90,8 @@ def image(
     InputError
         If the image is no plan view, or an argument is wrong.
     """
+    if isinstance(image, xr.DataArray) and "frame" in image.dims:
+        image = pick_frame(image)
     if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
         raise wrong_kind("plot.image", image, "an image (xarray.DataArray) with the dimensions (y, x)")
     floor_db = checked_floor(floor_db)
@@ -280,6 +283,7 @@ def corrected(
     matplotlib.axes.Axes
     """
     expect_reconstruction("corrected", reconstruction)
+    reconstruction = pick_frame(reconstruction)
     ax = image(
         reconstruction.dataset["intensity"],
         ax,
