@@ -47,6 +47,11 @@ def test_a_plan_refuses_what_is_no_quantity(given, words):
         mf.plan(**BASE | given)
 
 
+def test_an_aperture_exchanged_with_the_pitch_is_told():
+    with pytest.raises(mf.InputError, match=r"shorter than one pitch of 0.08 m; .* perhaps the two are exchanged"):
+        mf.plan(**BASE | {"band": (290e9, 300e9), "aperture": 0.5e-3, "pitch": 0.08})
+
+
 def test_what_is_written_with_a_unit_is_the_same_number(sweep):
     gate, near = mf.calibrate.time_gate, {"at": (0.05, 0.4)}
     xr.testing.assert_identical(gate(sweep, "20 cm", "0.5 m"), gate(sweep, 0.2, 0.5))

@@ -130,6 +130,12 @@ class PlanSettings(Quantities):
         from mirrorfold.common.plausible import frequency_unit, length_unit
 
         (start, stop), aperture, pitch = self.band, self.aperture, self.pitch
+        for (length, step), side in zip(self.lines, ("aperture", "rx_aperture"), strict=True):
+            if step > length * (1 + 1e-9):
+                raise InputError(
+                    f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches: perhaps "
+                    "the two are exchanged"
+                )
         meant = frequency_unit(stop, aperture, pitch, speed_of_light)
         if meant is not None:
             raise InputError(
@@ -144,10 +150,6 @@ class PlanSettings(Quantities):
                 "was meant"
             )
         for (length, step), side in zip(self.lines, ("aperture", "rx_aperture"), strict=True):
-            if step > length * (1 + 1e-9):
-                raise InputError(
-                    f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches"
-                )
             if length / step > LARGEST_COUNT:
                 raise InputError(f"{side} has {length / step:.3g} pitches, expected at most {LARGEST_COUNT:g}")
 

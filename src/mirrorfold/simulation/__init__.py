@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import MOST_BOUNCES
 from mirrorfold.simulation.horns import point_sources
-from mirrorfold.simulation.limits import check_clearance, check_extent
+from mirrorfold.simulation.limits import angle_doubts, check_clearance, check_extent
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
@@ -146,6 +147,8 @@ def simulate(
     of_rays = {"bounces": bounces != 3, "force": force, "memory_limit": memory_limit is not None}
     _check_solver_options(solver, of_rays, of_fullwave)
     check_extent(scene)
+    for doubt in angle_doubts(scene):
+        warnings.warn(doubt, stacklevel=2)
     if not isinstance(scene, Scene):
         if solver == "fullwave":
             raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")

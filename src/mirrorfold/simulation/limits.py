@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.simulation.raster.meshes import Solid
 
+LONGEST_CORRELATION = 10.0
+"""Largest correlation length of a rough surface, in sizes of the surface: a longer one is a tilt, no roughness."""
+
 CLEARANCE = 0.5 / np.pi
 """Least distance of antennas from surfaces in wavelengths, ``k d = 1``: nearer, the field of a source is not yet the
 wave ``exp(-j k d) / sqrt(d)``."""
@@ -43,6 +46,25 @@ def check_extent(scene: Scene | Scene3D) -> None:
     _check_samples(scene)
     _check_frequencies(scene)
     _check_surfaces(scene)
+    _check_roughness(scene)
+
+
+def angle_doubts(scene: Scene | Scene3D) -> list[str]:
+    """Sentences about arcs whose angles, in degrees, were probably given in radians: they span less than 2 pi degrees.
+
+    Whole numbers are taken for degrees.
+    """
+    found = []
+    for index, surface in enumerate(scene.surface):
+        if not isinstance(surface, Arc):
+            continue
+        start, stop = surface.start_angle, surface.stop_angle
+        if max(abs(start), abs(stop)) <= 2.0 * np.pi and not (start.is_integer() or stop.is_integer()):
+            found.append(
+                f"scene {scene.name!r}: surface[{index}] {surface.name!r} spans {abs(stop - start):.3g} degrees, from "
+                f'{start:g} to {stop:g}; if these are radians, write "{start:g} rad" and "{stop:g} rad"'
+            )
+    return found
 
 
 def check_clearance(scene: Scene) -> None:
@@ -148,6 +170,21 @@ def _check_surfaces(scene: Scene | Scene3D) -> None:
                 f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m"
                 + shorter_unit(away, limit)
             )
+
+
+def _check_roughness(scene: Scene | Scene3D) -> None:
+    """Refuse surfaces that are rougher than they are large, or whose roughness is much longer than they are."""
+    for index, surface in enumerate(scene.surface):
+        if surface.roughness is None:
+            continue
+        size = max(extent(_corners(surface)), 2.0 * getattr(surface, "radius", 0.0)) or np.inf
+        for name, most in (("rms_height", size), ("correlation_length", LONGEST_CORRELATION * size)):
+            found = getattr(surface.roughness, name)
+            if found > most:
+                raise InputError(
+                    f"scene {scene.name!r}: surface[{index}] {surface.name!r} is {size:.3g} m large, and {name} of its "
+                    f'roughness is {found:g} m, expected at most {most:.3g} m; write it with its unit, as in "50 um"'
+                )
 
 
 def _farthest(scene: Scene | Scene3D) -> float:
