@@ -47,6 +47,11 @@ def test_a_plan_refuses_what_is_no_quantity(given, words):
         mf.plan(**BASE | given)
 
 
+def test_an_aperture_exchanged_with_the_pitch_is_told():
+    with pytest.raises(mf.InputError, match=r"shorter than one pitch of 0.08 m; .* perhaps the two are exchanged"):
+        mf.plan(**BASE | {"band": (290e9, 300e9), "aperture": 0.5e-3, "pitch": 0.08})
+
+
 def test_what_is_written_with_a_unit_is_the_same_number(sweep):
     gate, near = mf.calibrate.time_gate, {"at": (0.05, 0.4)}
     xr.testing.assert_identical(gate(sweep, "20 cm", "0.5 m"), gate(sweep, 0.2, 0.5))
@@ -75,8 +80,8 @@ CALLS = {
     "pick_frame": (lambda sweep: mf.pick_frame({}), "pick_frame: got a dict, expected a sweep"),
     "experiments": (lambda sweep: mf.reproduce([], output="absent"), "names is empty"),
     "positions": (
-        lambda sweep: mf.import_data(".", positions={"tx": {"x": np.arange(1000.0)}}),
-        "tx.x is an array of shape",
+        lambda sweep: mf.import_data(".", positions={"tx": {"x": np.ones((30, 30))}}),
+        r"tx.x is an array of shape \(30, 30\)",
     ),
     "mapping": (
         lambda sweep: mf.import_data("absent.csv", mapping={"s": np.ones((30, 30))}),
@@ -176,3 +181,62 @@ def test_numbers_that_carry_the_unit_of_the_argument_are_taken(sweep):
     moved = mf.calibrate.displace_receivers(sweep, metres)
     np.testing.assert_allclose(moved["rx_position"] - sweep["rx_position"], np.tile(metres, (sweep.sizes["rx"], 1)))
     assert remade(sweep)["s"].equals(sweep["s"])
+
+
+HUGE = 10**400
+TIME = np.timedelta64(5, "s")
+STRIP = {
+    "name": "strip",
+    "array": {"elements": 1, "pitch": 1e-3},
+    "band": {"start": 290e9, "stop": 300e9, "points": 2},
+    "surface": [{"name": "strip", "kind": "segment", "start": [-0.005, 0.02], "end": [0.005, 0.02]}],
+}
+PIXELS = {"x": [0.0, 0.1], "y": [0.5, 0.6]}
+
+
+def volume():
+    angles = {"azimuth": np.linspace(-5.0, 5.0, 4), "elevation": np.linspace(-3.0, 3.0, 4)}
+    coords = {"range": np.linspace(0.5, 1.5, 20), **angles}
+    return xr.DataArray(np.ones((20, 4, 4), np.complex64), dims=tuple(coords), coords=coords, name="image")
+
+
+EXTREMES = {
+    "a huge place": lambda sweep: mf.calibrate.displace_receivers(sweep, (HUGE, 0)),
+    "a huge pixel": lambda sweep: mf.focus(sweep, x=[HUGE], y=[0.5, 0.6]),
+    "a huge height": lambda sweep: mf.focus(sweep, **PIXELS, z=HUGE),
+    "huge weights": lambda sweep: mf.focus(sweep, **PIXELS, taper=[HUGE] * sweep.sizes["frequency"]),
+    "a time for a number": lambda sweep: mf.add_noise(sweep, snr_db=TIME, seed=0),
+    "times for pixels": lambda sweep: mf.focus(sweep, x=[0.0], y=np.array([TIME, 2 * TIME])),
+    "a frequency too high": lambda sweep: mf.near_field(mf.parse_scene(STRIP), 1e308, ([0.0], [0.01])),
+    "a frequency too low": lambda sweep: mf.near_field(mf.parse_scene(STRIP), 5e-324, ([0.0], [0.01])),
+    "a number for a grid": lambda sweep: mf.near_field(mf.parse_scene(STRIP), 3e11, np.array(5)),
+    "texts for a grid": lambda sweep: mf.near_field(mf.parse_scene(STRIP), 3e11, np.array(["a", "b"])),
+    "a table for a band": lambda sweep: mf.plan(**BASE | {"band": xr.Dataset({"a": ("b", [1.0])}).to_dataframe()}),
+    "a table of two for a band": lambda sweep: mf.plan(
+        **BASE | {"band": xr.Dataset({"a": ("b", [1.0, 2.0])}).to_dataframe()}
+    ),
+    "rows of unequal lengths": lambda sweep: mf.plot.image(xr.DataArray(
+        np.ones((2, 2)), dims=("y", "x"), coords={"y": [1.0, 2.0], "x": [1.0, 2.0]}), extent=[[1, 2], [3]]),
+    "an error too large": lambda sweep: mf.calibrate.estimate_elements(sweep, at=(0.0, 1.0), largest_error=1e308),
+    "a displacement too large": lambda sweep: mf.calibrate.estimate_displacement(sweep, at=(0.0, 1.0), largest=1e308),
+    "pixels too fine": lambda sweep: mf.plan_view(volume(), pixel=5e-324),
+    "a name too long": lambda sweep: mf.import_data("a" * 5000),
+}  # fmt: skip
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("kind", EXTREMES)
+def test_extremes_are_refused_in_one_sentence(kind, sweep):
+    with pytest.raises(mf.InputError) as refused:
+        EXTREMES[kind](sweep)
+    assert len(str(refused.value)) < 250
+
+
+@pytest.mark.parametrize("floor_db", [1e308, -1e308, -1e300])
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_floors_of_pictures_are_decibels_that_can_be_drawn(floor_db, reconstruction):
+    for draw in (mf.plot.before_after, lambda one, **given: mf.plot.compare(one, one, **given)):
+        with pytest.raises(
+            mf.InputError, match=r"floor_db is .*, expected a negative number of decibels down to -1000"
+        ):
+            draw(reconstruction, floor_db=floor_db)

@@ -73,7 +73,7 @@ FRAMES = {
     "not a number": (lambda sweep: sweep["s"].values * np.nan, "not finite"),
     "infinite": (lambda sweep: sweep["s"].values * np.inf, "not finite"),
     "real parts": (lambda sweep: sweep["s"].values.real, "expected complex numbers"),
-    "a sweep": (lambda sweep: sweep, "got a Dataset, expected the samples of one frame"),
+    "a geometry": (lambda sweep: sweep.drop_vars("s"), "got a Dataset, expected the samples of one frame"),
     "a dict": (lambda sweep: {"s": sweep["s"].values}, "got a dict, expected an array of numbers"),
     "nothing": (lambda sweep: None, "got None, expected an array of numbers"),
     "other names": (lambda sweep: sweep["s"].rename(rx="ear"), r"expected \(frequency, tx, rx\)"),

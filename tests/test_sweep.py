@@ -292,3 +292,15 @@ def test_a_moving_antenna_without_places_is_refused():
         check_sweep(moving().drop_vars("antenna_position"))
     with pytest.raises(InputError, match="shapes"):
         make_monostatic_sweep(np.ones((3, 4), complex), frequency=[1.0, 2.0, 3.0], antenna_position=np.zeros((5, 3)))
+
+
+def test_the_beam_of_a_scan_may_be_written_with_units():
+    given = {"frequency": 290e9 + 1e8 * np.arange(4), "azimuth": [-4.0, 0.0, 4.0], "elevation": [-2.0, 2.0]}
+    samples = np.exp(1j * np.arange(24)).reshape(4, 3, 2)
+    scan = mf.make_raster_sweep(samples, **given, spot_radius="17 mm", focus_distance="3 m")
+    assert (scan.attrs["spot_radius"], scan.attrs["focus_distance"]) == (0.017, 3.0)
+    with pytest.raises(InputError, match="spot_radius: '17 GHz' is no length"):
+        mf.make_raster_sweep(samples, **given, spot_radius="17 GHz")
+    for wrong in ("wide", -0.01, np.nan, [0.01, 0.02]):
+        with pytest.raises(InputError, match=r"attr spot_radius is .* expected a positive number of metres"):
+            check_sweep(scan.assign_attrs(spot_radius=wrong))

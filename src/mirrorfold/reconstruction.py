@@ -160,8 +160,8 @@ def fold(
     if frame_count(image) is not None:
         if sweep is not None and frame_count(sweep) != frame_count(image):
             raise InputError(
-                f"sweep: has {frame_count(sweep)} frames and the image {frame_count(image)}; give the sweep that the "
-                "image was focused from"
+                f"sweep: has {frame_count(sweep) or 'no'} frames and the image {frame_count(image)}; give the sweep "
+                "that the image was focused from, or one frame of the image with --frame N, in Python mf.pick_frame"
             )
 
         fold_frame = partial(fold, mirrors=mirrors, preset=preset, memory_limit=memory_limit, **given)
@@ -177,6 +177,7 @@ class FoldPlan:
     def __init__(self, image: xr.DataArray | xr.DataTree, *, sweep: xr.Dataset | None = None) -> None:
         if not isinstance(image, xr.DataArray | xr.DataTree):
             raise wrong_kind("image", image, "an image (xarray.DataArray), as focus returns, or a reconstruction")
+        self._given = image, sweep
         # The image of the first polarization is folded; both images together tell which echoes passed through walls.
         both, image, sweep = polarized(image, sweep)
         self._polarizations = {name: in_single_precision(one) for name, one in both.items()}
@@ -197,6 +198,10 @@ class FoldPlan:
         # None of these caches refers to the plan: an image of hundreds of megabytes is freed as soon as its plan is.
         self._echoes = lru_cache(1)(partial(_find_echoes, self._view))
         self._wall_echoes = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as its image and its sweep: the plan is made anew from them."""
+        return partial(FoldPlan, sweep=self._given[1]), self._given[:1]
 
     def expect_memory(self, limit: float | None = None) -> None:
         """Log how much memory folding will take, and refuse to fold where that is more than there is.

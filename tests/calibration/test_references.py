@@ -97,6 +97,17 @@ def test_the_reference_takes_the_instrument_away(kind, per_channel):
     np.testing.assert_allclose(found["s"], target["s"], atol=2e-4)
 
 
+@pytest.mark.parametrize("at", [(30.0, 900.0), (0.03, 0.9, 900.0)])
+def test_places_in_millimetres_are_refused(at):
+    measured = sweep_of([(0.03, 0.9)])
+    with pytest.raises(mf.InputError, match=r"perhaps 90.* mm were meant"):
+        mf.calibrate.normalise_by_reference(measured, measured, at=at)
+    with pytest.raises(mf.InputError, match=r"perhaps 90.* mm were meant"):
+        mf.calibrate.estimate_elements(measured, at=at)
+    with pytest.raises(mf.InputError, match="perhaps 15 mm were meant"):
+        mf.calibrate.displace_receivers(measured, (15.0, 0.0))
+
+
 def test_plate_paths_are_the_shortest_by_way_of_the_plate():
     tx, rx = line(3), line(4, centre=(0.1, 0.02, 0.0))
     along = np.linspace(-1, 1, 20001)[:, None] * np.array([1.0, 0.3, 0.0]) + [0.0, 1.0, 0.0]

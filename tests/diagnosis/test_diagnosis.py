@@ -103,6 +103,19 @@ def test_mistakes_in_a_full_wave_sweep(shared_data, mistake):
     assert named(wrong(sweep, mistake)) == MISTAKES[mistake]
 
 
+@pytest.mark.parametrize(("name", "elements", "pitch", "seed"), [
+    ("two_walls", 21, 2e-3, 0),
+    ("two_walls", 31, 1e-3, 0),
+    ("hidden_corner", 21, 2e-3, 1),
+])  # fmt: skip
+def test_coarse_arrays_with_echoes_up_to_the_ambiguous_range_are_not_accused(name, elements, pitch, seed):
+    scene = mf.load_scene(f"src/mirrorfold/scenes/shipped/{name}.toml")
+    array = replace(scene.array, elements=elements, pitch=pitch)
+    sweep = mf.simulate(replace(scene, array=array, band=replace(scene.band, points=101)), seed=seed)
+    found, judged = diagnose(sweep)
+    assert (found, judged["waves"]) == ([], False)
+
+
 @pytest.mark.slow
 def test_the_command_that_is_proposed_puts_it_right(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -74,6 +74,21 @@ def test_the_same_geometry_again_needs_no_second_plan_until_the_cache_is_cleared
     plan_cache.clear()
 
 
+@pytest.mark.parametrize(("name", "change"), [
+    ("frequency", lambda sweep: sweep.isel(frequency=slice(None, None, -1))),
+    ("tx_position", lambda sweep: sweep.isel(tx=slice(None, None, -1))),
+    ("rx_position", lambda sweep: sweep.isel(rx=slice(None, None, -1))),
+    ("frequency", lambda sweep: sweep.assign_coords(frequency=sweep["frequency"] - 60e9)),
+])  # fmt: skip
+def test_frames_of_another_geometry_are_refused(name, change):
+    sweep = small_sweep()
+    made = FocusPlan(sweep, x=np.linspace(-0.2, 0.2, 5), y=np.linspace(0.5, 1.0, 5))
+    with pytest.raises(InputError, match=f"another {name}"):
+        made(change(sweep) if name != "frequency" else change(sweep)["s"])
+    rounded = sweep.assign_coords(tx_position=sweep["tx_position"].astype(np.float32))
+    np.testing.assert_array_equal(made(rounded), made(sweep["s"].values))
+
+
 def test_the_error_of_an_exact_plan_is_measured():
     made = FocusPlan(small_sweep(), x=np.linspace(-0.2, 0.2, 20), y=np.linspace(0.5, 1.0, 20), tolerance=1e-3)
     assert made.algorithm == "exact"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 import weakref
 
 import numpy as np
@@ -403,3 +404,18 @@ def test_a_plan_that_is_done_with_keeps_no_image(image):
         assert forgotten() is None
     finally:
         gc.enable()
+
+
+def test_a_shortest_mirror_without_length_is_refused(image):
+    with pytest.raises(mf.InputError, match="minimum_length is 5e-324"):
+        mf.fold(image, minimum_length=5e-324)
+
+
+@pytest.mark.parametrize("with_sweep", [False, True])
+def test_a_plan_may_be_pickled(image, sweep, with_sweep):
+    if with_sweep:
+        image = mf.focus(sweep, x=np.linspace(-0.1, 0.2, 41), y=np.linspace(0.2, 0.5, 41))
+    plan = mf.FoldPlan(image, sweep=sweep if with_sweep else None)
+    result, again = plan.fold(), pickle.loads(pickle.dumps(plan)).fold()
+    assert again.identical(result)
+    assert pickle.loads(pickle.dumps(mf.FoldPlan(result))).fold().identical(mf.fold(result))

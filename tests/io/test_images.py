@@ -217,3 +217,16 @@ def test_amplitudes_of_points_are_taken_in_decibels_by_their_name_or_missed_alou
     output = tmp_path / "i.nc"
     assert main(["import", str(path), "--image", "snr", "-o", str(output)]) == 0, capsys.readouterr().err
     assert float(mf.load(output).max()) == pytest.approx(40.0)
+
+
+def test_the_command_imports_tables_of_points(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "points.csv").write_text("x,y,z,amplitude,chain\n0.0,1.0,0,3,1/0\n0.5,1.5,0,2,-1\n-0.5,1.2,0,1,0\n")
+    assert main(["import", "points.csv", "-o", "image.nc"]) == 0
+    assert float(mf.load("image.nc").max()) == 3.0
+    samples = "f_GHz,x,y,amplitude,phase_deg\n" + "".join(f"{f},{x},0,1,0\n" for f in (290, 291) for x in (0, 0.001))
+    (tmp_path / "samples.csv").write_text(samples)
+    assert main(["import", "samples.csv", "-o", "sweep.nc"]) == 0
+    assert mf.load("sweep.nc")["s"].dims == ("frequency", "position")
+    assert main(["import", "missing.csv", "-o", "image.nc"]) == 2
+    assert "missing.csv: does not exist" in capsys.readouterr().err

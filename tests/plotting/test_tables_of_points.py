@@ -34,5 +34,20 @@ def test_points_of_early_files_are_all_drawn_as_objects(folded):
 
 @pytest.mark.parametrize("use", [volumes.space, mf.plot.before_after])
 def test_a_table_that_is_none_of_points_is_refused_in_one_sentence(folded, use):
-    with pytest.raises(mf.InputError, match="the group /objects has the dimensions row, expected 'point'"):
+    with pytest.raises(mf.InputError, match="in the group /objects has dimensions"):
         use(with_points(folded, lambda points: points.rename(point="row")))
+
+
+PLOTS = {
+    **{name: getattr(mf.plot, name) for name in ("before_after", "corrected", "mirrors", "shadows", "tree")},
+    "content_extent": lambda tree: mf.plot.content_extent(tree, folded=True),
+    "fold": mf.fold,
+    "FoldPlan": mf.FoldPlan,
+}
+
+
+@pytest.mark.parametrize("name", PLOTS)
+@pytest.mark.parametrize("tree", [xr.DataTree(), xr.DataTree(xr.Dataset({"a": ("x", [1.0, 2.0])}))])
+def test_trees_that_are_no_reconstructions_are_refused(name, tree):
+    with pytest.raises(mf.InputError, match=r"expected 'reconstruction'|holds no group 'initial'; expected what"):
+        PLOTS[name](tree)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+import warnings
+from dataclasses import replace
 
 import pytest
 
@@ -102,3 +104,35 @@ def test_scenes_of_other_waves_and_sizes_are_not_refused():
          "surface": [{"name": "hill", "kind": "segment", "start": [-500, 1500], "end": [500, 1500]}]},
     ):  # fmt: skip
         check_extent(mf.parse_scene(content))
+
+
+@pytest.mark.parametrize("bounces", [1001, 1e308])
+def test_more_bounces_than_echoes_survive_are_refused(bounces, reconstruction):
+    scene = mf.parse_scene(SCENE)
+    for work in (mf.simulate, estimate, lambda scene, bounces: mf.score(reconstruction, scene, bounces=bounces)):
+        with pytest.raises(mf.InputError, match=r"bounces is .*, expected a whole number from 0 to 1000"):
+            work(scene, bounces=bounces)
+
+
+ARC = {"kind": "arc", "name": "arc", "center": [0.0, 1.0], "radius": 0.25}
+
+
+@pytest.mark.parametrize(("height", "length"), [(50.0, 0.2e-3), (50e-6, 200.0)])
+@pytest.mark.parametrize("surface", [SCENE["surface"][0], ARC | {"start_angle": 200.0, "stop_angle": 340.0}])
+def test_a_roughness_in_metres_is_refused(surface, height, length):
+    rough = surface | {"roughness": {"rms_height": height, "correlation_length": length}}
+    scene = mf.parse_scene(SCENE | {"surface": [rough]})
+    with pytest.raises(mf.InputError, match=r'of its roughness is .* write it with its unit, as in "50 um"'):
+        check_extent(scene)
+    assert any("roughness" in remark for remark in mf.info(scene)["remarks"])
+
+
+@pytest.mark.parametrize(("angles", "told"), [((-1.237, 0.763), True), ((-70.9, 43.7), False), ((-1.0, 1.0), False)])
+def test_an_arc_with_angles_in_radians_is_told(angles, told):
+    scene = mf.parse_scene(SCENE | {"surface": [ARC | dict(zip(("start_angle", "stop_angle"), angles, strict=True))]})
+    assert any('if these are radians, write "' in remark for remark in mf.info(scene)["remarks"]) == told
+    few = replace(scene, array=replace(scene.array, elements=2), band=replace(scene.band, points=2))
+    with warnings.catch_warnings(record=True) as noted:
+        warnings.simplefilter("always")
+        mf.simulate(few, snr_db=20.0)
+    assert any("if these are radians" in str(note.message) for note in noted) == told

@@ -23,7 +23,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from mirrorfold.calibration.delays import Fit, fit_delays
 from mirrorfold.calibration.gate import gate_samples
 from mirrorfold.calibration.record import by_blocks, check_same_axes, checked_pairs, scaled_to_single_precision
-from mirrorfold.calibration.reflectors import positions, sphere_paths
+from mirrorfold.calibration.reflectors import check_reach, positions, sphere_paths
 from mirrorfold.common.arguments import number
 from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
@@ -102,10 +102,17 @@ def fit_reflectors(
     for one, where in zip(sweeps, places, strict=True):
         check_same_axes(sweeps[0], one, "the next sweep", antennas=False)
         centre = place(where, "at")
-        fit = _fit(one, centre, radius, largest_error, largest_common)
+        check_reach(centre, one)
+        period = 2.0 * ambiguous_range(one)
+        if largest_error > period:
+            raise InputError(
+                f"errors of up to {largest_error:.3g} m are looked for, expected at most {period:.3g} m, the longest "
+                "delay that the frequency steps tell"
+            )
+        common = None if largest_common is None else min(largest_common, period)
+        fit = _fit(one, centre, radius, largest_error, common)
         if found:
             # Near the ends of the period, one sweep may give a delay just above zero, another just below the period.
-            period = 2.0 * ambiguous_range(one)
             fit = fit.later(period * np.round((found[0][2].common - fit.common) / period))
         found.append((one, centre, fit))
     return found

@@ -21,10 +21,11 @@ from mirrorfold.calibration.record import checked_pairs, millimetres, recorded
 from mirrorfold.calibration.reflectors import positions, sphere_paths
 from mirrorfold.common.arguments import number
 from mirrorfold.common.geometry import place
+from mirrorfold.common.plausible import extent, shorter_unit
 from mirrorfold.common.types import Array, Index
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
-from mirrorfold.sweep import wavenumber
+from mirrorfold.sweep import ambiguous_range, wavenumber
 
 CONDITION = 1e-3
 """Smallest rms difference of the measured directions, unit vectors, along a component of the displacement; components
@@ -210,8 +211,20 @@ ROBUST_ITERATIONS = 10
 
 
 def displace_receivers(sweep: xr.Dataset, displacement: ArrayLike) -> xr.Dataset:
-    """Add a displacement vector [m] to the positions of all receivers."""
+    """Add a displacement vector [m] to the positions of all receivers.
+
+    Raises
+    ------
+    InputError
+        If the vector is longer than the ambiguous range and the array: it was then given in a wrong unit.
+    """
     sweep = checked_pairs(sweep, "sweep", several=True)
     vector = place(displacement, "displacement")
+    away, limit = float(np.linalg.norm(vector)), max(ambiguous_range(sweep), extent(*positions(sweep)))
+    if away > limit and sweep.attrs.get("scene_center") is None:
+        raise InputError(
+            f"displacement: moves the receivers by {away:.4g} m, expected at most the ambiguous range or the length of "
+            f"the array, {limit:.3g} m{shorter_unit(away, limit)}"
+        )
     moved = (sweep["rx_position"].dims, sweep["rx_position"].values + vector, sweep["rx_position"].attrs)
     return recorded(sweep.assign_coords(rx_position=moved), f"receivers moved by {millimetres(vector)}")

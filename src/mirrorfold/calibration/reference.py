@@ -17,7 +17,7 @@ from mirrorfold.calibration.record import (
     checked_pairs,
     with_samples,
 )
-from mirrorfold.calibration.reflectors import plate_paths, positions, sphere_paths
+from mirrorfold.calibration.reflectors import check_reach, plate_paths, positions, sphere_paths
 from mirrorfold.common.arguments import boolean, number
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.errors import InputError
@@ -64,13 +64,15 @@ def normalise_by_reference(
     Raises
     ------
     InputError
-        If the sweeps differ in frequencies or in steps of calibration, or the reference is silent.
+        If the sweeps differ in frequencies or in steps of calibration, the reference is silent, or the reflector is out
+        of reach.
     """
     sweep, reference = checked_pairs(sweep, "sweep", several=True), checked_pairs(reference, "reference")
     per_channel = boolean("per_channel", per_channel)
     check_same_axes(sweep, reference, "reference", antennas=per_channel)
     check_same_steps(sweep, reference, "reference", FACTORS)
     tx, rx = positions(reference)
+    check_reach(at, reference)
     length = sphere_paths(tx, rx, at) if normal is None else plate_paths(tx, rx, at, normal)
     samples, k = reference["s"].values, wavenumber(reference)[:, None, None]
     late = 0.0

@@ -8,8 +8,10 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import number
 from mirrorfold.common.geometry import place
+from mirrorfold.common.plausible import reach, shorter_unit
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.sweep import ambiguous_range, radar_position, wave_speed
 
 SPECULAR_ITERATIONS = 12
 """Fixed-point steps to the point of a sphere at which the wave is mirrored. Each multiplies the error by radius over
@@ -57,6 +59,24 @@ def plate_paths(tx: Array, rx: Array, point: ArrayLike, normal: ArrayLike) -> Ar
     direction = direction / np.linalg.norm(direction)
     image = tx - 2.0 * ((tx - through) @ direction)[:, None] * direction
     return np.asarray(np.linalg.norm(image[:, None] - rx[None], axis=-1))
+
+
+def check_reach(at: ArrayLike, sweep: xr.Dataset) -> None:
+    """Refuse a reflector so far from the radar that its place was given in a wrong unit.
+
+    Raises
+    ------
+    InputError
+    """
+    limit = reach(ambiguous_range(sweep), wave_speed(sweep) / float(sweep["frequency"].max()))
+    middle = place(at, "at")
+    centres = [radar_position(sweep), np.asarray(sweep.attrs.get("scene_center", radar_position(sweep)))]
+    away = min(float(np.linalg.norm(middle - centre)) for centre in centres)
+    if away > limit:
+        raise InputError(
+            f"the reflector at {', '.join(f'{c:g}' for c in middle)} m stands {away:.4g} m from the radar, expected at "
+            f"most {limit:.3g} m{shorter_unit(away, limit)}; correct its place"
+        )
 
 
 def positions(sweep: xr.Dataset) -> tuple[Array, Array]:

@@ -119,6 +119,8 @@ def import_(
     json
         Print what was found as one JSON object.
     """
+    from mirrorfold.sweep import unit_doubts
+
     if not files:
         raise InputError("no files are given; name the files to import, or the folder of a scan")
     if output is not None:
@@ -149,8 +151,11 @@ def import_(
                 found = read(list(files)) if polarization is None else _polarized(files, polarization, read)
     mf.save(found.assign_attrs(command=command.get()), output)
     facts = mf.info(found)
-    named = [finding.what for finding in facts.get("findings", ())]
-    # `facts.remarks` repeats the warnings of findings, with their remedy.
+    findings = facts.get("findings", ())
+    # `facts.remarks` repeats the warnings of findings, with their remedy. A finding is surer than what lengths suggest.
+    named = [finding.what for finding in findings]
+    guesses = unit_doubts(found) if findings else []
+    named += [guess.what for guess in guesses if guess.name in {finding.name for finding in findings}]
     notes = [one for one in notes if not any(one.startswith(what) for what in named)]
     remarks = [*notes, *facts.remarks]
     remark(remarks)
@@ -197,10 +202,10 @@ def _polarized(files: Sequence[Path], text: str, read: Callable[[Path], xr.Datas
 
 
 def _is_image(files: list[Path], mapping: str | None, positions: Path | None) -> bool:
-    """Whether the files are point clouds, which are imported as images, by their suffixes."""
-    from mirrorfold.io.readers.cloud import SUFFIXES
+    """Whether the files are point clouds, which are imported as images."""
+    from mirrorfold.io.images import is_cloud
 
-    return mapping is None and positions is None and all(file.suffix.lower() in SUFFIXES for file in files)
+    return mapping is None and positions is None and all(map(is_cloud, files))
 
 
 def _guess(files: list[Path], output: Path | None, reader: str | None, *, json: bool) -> None:
@@ -258,7 +263,7 @@ def export(
     from mirrorfold.io.suffixes import check_suffix
 
     found = read(file, "sweep", "image", "reconstruction")
-    if frame is not None:
+    if frame is not None or hasattr(found, "s"):
         found = mf.pick_frame(found, frame)
     if not hasattr(found, "s"):
         output_file(output, inputs=[file])

@@ -29,6 +29,7 @@ from mirrorfold.cli.help import PlainHelp
 from mirrorfold.cli.options import app, command, completed
 from mirrorfold.cli.verbose import with_verbose
 from mirrorfold.cli.writing import with_inputs_spared, with_no_clobber
+from mirrorfold.common.units import split_quantity
 from mirrorfold.errors import InputError, printable
 
 FUNCTIONS = (
@@ -96,9 +97,17 @@ def run(arguments: Sequence[str]) -> None:
         app(list(arguments), print_error=False, exit_on_error=False, result_action="return_value")
     except CycloptsError as error:
         sentence = " ".join(str(error).split()).rstrip(".")
+        wrong = [text for text in arguments if _has_unit(text)]
+        sentence += f", and {wrong[0]!r} is no number; leave out its unit" if wrong else ""
         raise InputError(f"{sentence}; `mirrorfold {arguments[0]} --help` lists what can be given") from None
     finally:
         command.reset(token)
+
+
+def _has_unit(text: str) -> bool:
+    """Whether a text is a negative number with a unit, such as ``-18dB``, which is taken for an option."""
+    found = split_quantity(text.removesuffix("dB"))
+    return text.startswith("-") and found is not None and (bool(found[1]) or text.endswith("dB"))
 
 
 def _no_verb(word: str) -> str:

@@ -13,6 +13,9 @@ from typing import Any, get_args
 from mirrorfold.common.units import QUANTITIES, foreign_unit
 from mirrorfold.errors import InputError
 
+LONGEST_NAME = 255
+"""Longest name of a file or folder in the usual file systems."""
+
 LONGEST = 60
 """A message shows at most this many characters of a value."""
 
@@ -95,7 +98,7 @@ def finite(value: Any) -> float | None:
         return None
     try:
         number = float(value)
-    except OverflowError:  # a whole number of hundreds of digits
+    except (OverflowError, TypeError):  # a whole number of hundreds of digits, or a time of NumPy
         return None
     return number if isfinite(number) else None
 
@@ -168,8 +171,10 @@ def expect_unit(name: str, value: Any, unit: str) -> None:
         raise InputError(f"{name} is in {other[:LONGEST]}, expected {unit}; convert it first")
 
 
-def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole number") -> int:
-    """A whole number of at least `lowest`.
+def whole_number(
+    name: str, value: Any, *, lowest: int = 0, highest: int | None = None, what: str = "a whole number"
+) -> int:
+    """A whole number of at least `lowest`, and at most `highest` if there is such a bound.
 
     Raises
     ------
@@ -177,8 +182,9 @@ def whole_number(name: str, value: Any, *, lowest: int = 0, what: str = "a whole
         If the value is no such number; `what` says what was expected.
     """
     found = finite(value)
-    if found is None or not found.is_integer() or found < lowest:
-        raise InputError(f"{name} is {in_message(value)}, expected {what} of at least {lowest}")
+    if found is None or not found.is_integer() or found < lowest or (highest is not None and found > highest):
+        limits = f"of at least {lowest}" if highest is None else f"from {lowest} to {highest}"
+        raise InputError(f"{name} is {in_message(value)}, expected {what} {limits}")
     return int(value)
 
 
@@ -188,10 +194,13 @@ def path_of(name: str, value: Any, expected: str = "the path of a file") -> Path
     Raises
     ------
     InputError
-        If the argument is no path.
+        If the argument is no path, or one that no file can have.
     """
     if isinstance(value, str | os.PathLike):
-        return Path(value)
+        path = Path(value)
+        if max(map(len, path.parts), default=0) > LONGEST_NAME:
+            raise InputError(f"{name}: {described(path)} has a name of more than {LONGEST_NAME} letters; shorten it")
+        return path
     raise wrong_kind(name, value, expected)
 
 

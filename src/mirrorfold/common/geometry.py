@@ -139,7 +139,7 @@ def place(value: ArrayLike, name: str) -> Array:
     expect_unit(name, value, "m")
     try:
         point = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         point = np.empty(0)
     if point.shape not in ((2,), (3,)) or not np.isfinite(point).all():
         raise InputError(

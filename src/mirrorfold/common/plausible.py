@@ -57,6 +57,29 @@ WIDEST_APERTURE = 500.0
 """Largest aperture of a scanner in wavelengths, used likewise."""
 
 
+REACH_IN_AMBIGUOUS_RANGES = 10.0
+REACH_IN_WAVELENGTHS = 1e5
+"""Largest plausible distance of what a radar sees: this many ambiguous ranges, or this many wavelengths at the top of
+the band, whichever is longer. Anything farther away was given in a wrong unit, or is out of reach of the radar."""
+
+
+def reach(ambiguous_range: float, wavelength: float) -> float:
+    """Largest plausible distance [m] of what a radar sees; the wavelength [m] is the shortest."""
+    return max(REACH_IN_AMBIGUOUS_RANGES * ambiguous_range, REACH_IN_WAVELENGTHS * wavelength)
+
+
+def shorter_unit(distance: float, limit: float) -> str:
+    """End of a sentence about a distance above a limit [m]: the unit that was probably meant.
+
+    Examples
+    --------
+    >>> shorter_unit(900.0, 100.0), shorter_unit(1e9, 100.0)
+    (', perhaps 900 mm were meant', '')
+    """
+    meant = [unit for unit in ("cm", "mm") if distance * KINDS["length"][unit] < limit]
+    return f", perhaps {distance:.4g} {meant[-1]} were meant" if meant else ""
+
+
 def unplaced(values: NDArray) -> str | None:
     """What is wrong with coordinates [m], in words; None if nothing is.
 

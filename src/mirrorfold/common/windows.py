@@ -69,7 +69,7 @@ def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.comple
         return np.asarray(WINDOWS[kind](n), dtype=np.complex128)
     try:
         weights = np.asarray(kind, dtype=np.complex128)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} holds values that are not numbers; give a window's name or {n} weights") from None
     if weights.shape != (n,):
         raise InputError(f"{name} has shape {weights.shape}, expected ({n},): one weight for each sample")

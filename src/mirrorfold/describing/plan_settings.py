@@ -130,6 +130,12 @@ class PlanSettings(Quantities):
         from mirrorfold.common.plausible import frequency_unit, length_unit
 
         (start, stop), aperture, pitch = self.band, self.aperture, self.pitch
+        for (length, step), side in zip(self.lines, ("aperture", "rx_aperture"), strict=True):
+            if step > length * (1 + 1e-9):
+                raise InputError(
+                    f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches: perhaps "
+                    "the two are exchanged"
+                )
         meant = frequency_unit(stop, aperture, pitch, speed_of_light)
         if meant is not None:
             raise InputError(
@@ -144,19 +150,17 @@ class PlanSettings(Quantities):
                 "was meant"
             )
         for (length, step), side in zip(self.lines, ("aperture", "rx_aperture"), strict=True):
-            if step > length * (1 + 1e-9):
-                raise InputError(
-                    f"{side} is {length:g} m, shorter than one pitch of {step:g} m; expected several pitches"
-                )
             if length / step > LARGEST_COUNT:
                 raise InputError(f"{side} has {length / step:.3g} pitches, expected at most {LARGEST_COUNT:g}")
 
 
 def _two(name: str, value: Any, expected: str) -> tuple[Any, Any]:
     """Both entries of a pair; a value that is no pair is refused."""
-    if isinstance(value, str) or not (isinstance(value, Sequence) or hasattr(value, "shape")) or len(value) != 2:
+    several = isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2
+    if not several and getattr(value, "shape", None) != (2,):
         raise InputError(f"{name} is {in_message(value)}, expected {expected}")
-    return value[0], value[1]
+    first, second = value
+    return first, second
 
 
 def _materials(given: Any) -> tuple[str, ...]:

@@ -89,11 +89,11 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
 
 
 def _slips(scene: Scene | Scene3D) -> list[str]:
-    """The reason why `simulate` would refuse the scene, as a remark; empty where it would not."""
-    from mirrorfold.simulation.limits import check_extent  # imports the readers of scenes
+    """The reason why `simulate` would refuse the scene, or what it would warn of, as remarks."""
+    from mirrorfold.simulation.limits import angle_doubts, check_extent  # imports the readers of scenes
 
     try:
         check_extent(scene)
     except InputError as error:
         return [str(error)]
-    return []
+    return angle_doubts(scene)

@@ -6,6 +6,8 @@ their wavefronts. If they do not, coarser tests remain: the size of the array, a
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
@@ -16,13 +18,19 @@ from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.sharpness import sharpness_findings
-from mirrorfold.diagnosis.wavefronts import Wavefronts, wavefronts
+from mirrorfold.diagnosis.wavefronts import CURVATURE_STEP, Wavefronts, wavefronts
 from mirrorfold.sweep import unit_doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 SUSPECT_PITCH = 15.0
 """Smallest pitch, in wavelengths, at which the positions are suspected to be in another unit. It is less than the
 `COARSE_PITCH` from which on distances alone raise a doubt: here the waves must fit the other unit, too."""
+
+GRATING_PITCH = 0.75
+"""Pitch in wavelengths from which echoes have grating lobes at the mirrored angle, 42 degrees off broadside or less."""
+
+RANGE_END = 0.1
+"""Share of the ambiguous range, at its end, in which strong echoes suggest that later ones have wrapped around."""
 
 IN_PHASE = 25.0
 """Smallest median coherence of the gates, relative to that of random phases, at which the positions fit the waves.
@@ -44,9 +52,10 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     -------
     findings : list of Finding
     judged : dict of bool
-        `waves`: whether the array and the echoes allow a judgement. `exchange`: whether an exchange of transmitters and
-        receivers would show; where both stand at the same places, reciprocity hides the exchange, and it does no harm.
-        Both are false where the waves are too flat.
+        `waves`: whether the array and the echoes allow a judgement of all mistakes; false, too,
+        where delays tell nothing. `exchange`: whether an exchange of transmitters and receivers would
+        show; where both stand at the same places, reciprocity hides the exchange, and it does no harm. Both are false
+        where the waves are too flat.
     """
     if "rx" not in sweep.dims and sweep.attrs.get("scene_center") is not None:  # ranges count from the scene's centre
         found, judged = sharpness_findings(sweep)
@@ -68,8 +77,25 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     made = explain(pairs, waves)
+    delays_tell = _delays_tell(pairs, waves)
+    if not delays_tell:
+        made = replace(made, reversed=False, offset=0.0)
     found += _findings(made, speed_of_light / wave_speed(sweep))
-    return found, {"waves": made.waves_suffice, "exchange": made.exchange_recognisable}
+    return found, {"waves": made.waves_suffice and delays_tell, "exchange": made.exchange_recognisable}
+
+
+def _delays_tell(pairs: Pairs, waves: Wavefronts) -> bool:
+    """Whether delays tell a reversed order of the frequencies, and a range offset, from a correct sweep.
+
+    They do not where a coarse, short array sees late echoes. The phases of a wave from u are also those of its grating
+    lobe at ``u - wavelength / pitch``, on the other side, whose delays run the other way. Echoes at the end of the
+    ambiguous range R have probably wrapped around, and the phase by which their waves are curved at the ends of the
+    array, ``k a^2 / 2R`` for elements up to a from its middle, does not contradict.
+    """
+    late = bool((waves.range > (1.0 - RANGE_END) * waves.ambiguous_range).any())
+    farthest = float(np.linalg.norm(np.concatenate([pairs.tx, pairs.rx]), axis=1).max())
+    flat = pairs.wavenumber.mean() * farthest**2 < 2.0 * CURVATURE_STEP * waves.ambiguous_range
+    return not (late and flat and _step(pairs) >= GRATING_PITCH * pairs.wavelength)
 
 
 def _findings(made: Explanation, index: float) -> list[Finding]:
@@ -153,8 +179,7 @@ def _unit(pairs: Pairs) -> str | None:
 
     None where the array is not too coarse, or no unit fits.
     """
-    # That of the finer array; a single place has none.
-    step = min(filter(None, (pitch(pairs.tx), pitch(pairs.rx))), default=0.0) / pairs.wavelength
+    step = _step(pairs) / pairs.wavelength
     if step < SUSPECT_PITCH:
         return None
     fitting = {}
@@ -164,6 +189,11 @@ def _unit(pairs: Pairs) -> str | None:
             if waves is not None and in_phase(waves) >= IN_PHASE:
                 fitting[unit] = in_phase(waves)
     return max(fitting, key=fitting.__getitem__) if fitting else None
+
+
+def _step(pairs: Pairs) -> float:
+    """Pitch of the finer array [m]; zero for single places."""
+    return min(filter(None, (pitch(pairs.tx), pitch(pairs.rx))), default=0.0)
 
 
 def in_phase(waves: Wavefronts) -> float:

@@ -29,10 +29,17 @@ from mirrorfold.sweep import (
     wave_speed,
     wavenumber,
 )
-from mirrorfold.sweep.samples import check_level, complex_samples
+from mirrorfold.sweep.facts import CONJUGATED
+from mirrorfold.sweep.samples import check_level, complex_samples, real_numbers
 
 IMAGE_COPIES = 3
 """Number of complex arrays of the size of the image that focusing holds at once."""
+
+SAME_STEP = 0.1
+"""Largest deviation of a frame's frequencies from those of its plan, in frequency steps, that may be rounding."""
+
+SAME_PLACE = 1e-3
+"""Largest deviation of a frame's antenna positions from those of its plan, in wavelengths, that may be rounding."""
 
 NEAREST_PIXEL = 1e-3
 """Distance of a pixel from an antenna, in wavelengths, below which the pixel counts as standing on the antenna."""
@@ -88,16 +95,28 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset
     return sweep, problem
 
 
-def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem) -> NDArray[np.complex64]:
+def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem, speed: float) -> NDArray[np.complex64]:
     """The samples of one frame as a contiguous array, checked to have the shape that the problem expects.
+
+    Parameters
+    ----------
+    s : array or Dataset
+        Frequencies that samples carry along, and antenna positions of a sweep, must be those of the problem.
+    problem : Problem
+    speed : float [m/s]
+        Wave speed of the problem.
 
     Raises
     ------
     InputError
-        If they are no finite complex numbers, or of another shape.
+        If they are no finite complex numbers, of another shape, or measured at other frequencies or places.
     """
-    if isinstance(s, xr.Dataset):
-        raise wrong_kind("the frame", s, "the samples of one frame, such as sweep['s']")
+    frame = s
+    if isinstance(frame, xr.Dataset):
+        if "s" not in frame:
+            raise wrong_kind("the frame", frame, "the samples of one frame, or a sweep of one")
+        conjugated = frame.attrs.get("time_convention") == CONJUGATED
+        s = np.conj(frame["s"]) if conjugated else frame["s"]
     dims = MONOSTATIC_DIMENSIONS if problem.monostatic else PAIR_DIMENSIONS
     samples = complex_samples("the frame", s, dims)
     check_level("the frame", samples)
@@ -109,7 +128,27 @@ def samples_of_frame(s: ArrayLike | xr.DataArray | xr.Dataset, problem: Problem)
         )
     if not np.isfinite(data.sum()) and not np.isfinite(data).all():  # a sum takes a tenth of the time
         raise InputError("the frame holds samples that are not finite (NaN or infinite); replace them, with zero")
+    if isinstance(frame, xr.DataArray | xr.Dataset):
+        _check_labels(frame, problem, speed)
     return data
+
+
+def _check_labels(frame: xr.DataArray | xr.Dataset, problem: Problem, speed: float) -> None:
+    """Refuse a frame whose own frequencies or antenna positions are not those of the problem."""
+    turns, step = problem.k / (2.0 * np.pi), problem.wavenumber_step / (2.0 * np.pi) or problem.k[0]
+    places = {"antenna_position": problem.tx, "tx_position": problem.tx, "rx_position": problem.rx}
+    expected = {"frequency": (turns * speed, "Hz", SAME_STEP * step * speed)}
+    expected |= {name: (place, "m", SAME_PLACE / turns[-1]) for name, place in places.items()}
+    for name, (wanted, unit, most) in expected.items():
+        if name not in (frame if isinstance(frame, xr.Dataset) else frame.coords):
+            continue
+        found = real_numbers(f"the frame's {name}", frame[name], unit)
+        away = np.abs(found - wanted).max() if found.shape == wanted.shape else np.inf
+        if not away <= most:
+            raise InputError(
+                f"the frame has another {name} than the plan's sweep, up to {away:.3g} {unit} away; sort the frame as "
+                "that sweep, or make a plan of its own"
+            )
 
 
 def _check_measurement(sweep: xr.Dataset) -> xr.Dataset:

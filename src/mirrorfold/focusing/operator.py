@@ -109,10 +109,9 @@ class FocusOperator(LinearOperator):  # type: ignore[misc]  # SciPy has no types
         Raises
         ------
         InputError
-            If the shape is another one, or the samples are no finite complex numbers.
+            If shape, frequencies or positions are others, or the samples are no finite complex numbers.
         """
-        held = sweep.get("s", sweep) if isinstance(sweep, xr.Dataset) else sweep
-        return samples_of_frame(held, self._problem)[self.channels]
+        return samples_of_frame(sweep, self._problem, self._labels.attrs["wave_speed"])[self.channels]
 
     def all_samples(self, values: ArrayLike) -> NDArray[np.complex64]:
         """Samples that reflectivities (pixels,) give on all channels, chosen or not, in the shape of a whole sweep."""

@@ -94,12 +94,13 @@ class FocusPlan:
             f"built in {self.build_time:.2f} s)"
         )
 
-    def __call__(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> xr.DataArray:
+    def __call__(self, s: ArrayLike | xr.DataArray | xr.Dataset, progress: Progress | None = None) -> xr.DataArray:
         """Image one frame.
 
         Parameters
         ----------
-        s : (frequency, tx, rx) or, of one moving antenna, (frequency, position) array
+        s : (frequency, tx, rx) or, of one moving antenna, (frequency, position) array, or the sweep of a frame
+            Frequencies that an xarray carries along, and the positions of a sweep, are compared with those of the plan.
         progress : callable (done, total), optional
 
         Returns
@@ -111,12 +112,15 @@ class FocusPlan:
         Raises
         ------
         InputError
-            If the frame's shape is not that of the plan's geometry, or its samples are no finite complex numbers.
+            If the frame's shape, frequencies or positions are not those of the plan's geometry, or its samples are no
+            finite complex numbers.
         """
         values = self.values(s, progress).reshape(self._problem.shape)
         return self._labels.image(values, {"algorithm": self.algorithm, "error": self.error})
 
-    def values(self, s: ArrayLike | xr.DataArray, progress: Progress | None = None) -> NDArray[np.complex64]:
+    def values(
+        self, s: ArrayLike | xr.DataArray | xr.Dataset, progress: Progress | None = None
+    ) -> NDArray[np.complex64]:
         """Image one frame without labels, (z, y, x), or (y, x) where there is one z: for real time.
 
         Parameters
@@ -128,9 +132,9 @@ class FocusPlan:
         Raises
         ------
         InputError
-            If the frame's shape is not that of the plan's geometry, or its samples are no finite complex numbers.
+            As for calling the plan.
         """
-        data = samples_of_frame(s, self._problem)
+        data = samples_of_frame(s, self._problem, self._labels.attrs["wave_speed"])
         if self._fast is None:
             image = focus_exact(self._scaled, data, EXACT_SHARE * self.tolerance, progress)
         else:

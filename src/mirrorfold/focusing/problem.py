@@ -168,8 +168,9 @@ def pixel_axis(values: ArrayLike, name: str) -> Array:
     """
     expect_unit(name, values, "m")
     try:
-        axis = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+        held = np.asarray(values)
+        axis = np.ascontiguousarray(held.astype(object) if held.dtype.kind in "mM" else held, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} holds values that are not numbers; give 1D pixel coordinates in metres") from None
     if axis.ndim != 1 or axis.size == 0:
         raise InputError(f"{name} has shape {axis.shape}, expected a 1D array of pixel coordinates in metres")

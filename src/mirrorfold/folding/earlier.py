@@ -22,7 +22,14 @@ KEPT = (*BY_SWEEP, COPY)
 
 
 def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
-    """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it."""
+    """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it.
+
+    Raises
+    ------
+    InputError
+        If the tree is no Reconstruction.
+    """
+    _check_groups(reconstruction)
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)
     vertices = np.column_stack([np.ravel(reconstruction.attrs.get(f"corner_{axis}", ())) for axis in "xy"])
@@ -82,9 +89,10 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
     Raises
     ------
     InputError
-        If there is none, or the Reconstruction is that of a volume.
+        If the tree is no Reconstruction, or the Reconstruction is that of a volume.
     """
-    if "initial" not in reconstruction.children or "initial" not in reconstruction.children["initial"].data_vars:
+    _check_groups(reconstruction)
+    if "initial" not in reconstruction.children["initial"].data_vars:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
     if "z" in reconstruction.children["objects"].variables:
         raise InputError("reconstruction: does not hold the volume that it came from; fold that one")
@@ -98,3 +106,10 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
     height = known.pop("z", radar_place(known)[2])  # files of earlier versions do not tell it
     image = image.assign_coords(z=float(height))
     return image.assign_attrs(known | {"normalization": str(attrs.get("fold_normalization", "r"))})
+
+
+def _check_groups(reconstruction: xr.DataTree) -> None:
+    """Refuse a tree that lacks one of the groups of a Reconstruction."""
+    for group in ("initial", "objects", "mirrors"):
+        if group not in reconstruction.children:
+            raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")

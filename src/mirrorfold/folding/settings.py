@@ -35,7 +35,7 @@ class FoldSettings(Settings):
         "echoes in images, five where what stands behind outshines the mirror, 7.5 of the middle ones in volumes. A "
         "mirror that faces an array of 4.4 cells or more may be nine tenths of it.",
         unit="m",
-        above=0.0,
+        lowest=1e-9,
     )
     wall_margin: float | None = setting(
         None,

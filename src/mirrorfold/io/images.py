@@ -18,7 +18,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.io.own.checks import check_image
-from mirrorfold.io.readers import Contents, read_contents
+from mirrorfold.io.readers import Contents, cloud, read_contents, table
 from mirrorfold.io.readers.contents import check_memory
 
 AXIS_NAMES = {
@@ -113,6 +113,18 @@ def import_image(
     found.attrs["radar_position"] = where
     found.attrs["source"] = path.name
     return check_image(found, source=str(path))
+
+
+def is_cloud(path: Path) -> bool:
+    """Whether a file is a point cloud: by its suffix, or as a text table by headings x, y and that of an amplitude.
+
+    A table with frequencies is none: it holds samples, at places x, y.
+    """
+    if path.suffix.lower() in cloud.SUFFIXES:
+        return True
+    headings = [heading.lower() for heading in table.headings_of(path)]
+    amplitudes = {DECIBEL.sub("", heading) for heading in headings} & set(AMPLITUDE_NAMES)
+    return {"x", "y"} <= set(headings) and bool(amplitudes) and not any(map(table.FREQUENCY.match, headings))
 
 
 def _last(name: str) -> str:

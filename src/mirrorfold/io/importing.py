@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import in_message, is_boolean, wrong_kind
+from mirrorfold.common.arguments import in_message, is_boolean, path_of, wrong_kind
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.assembly import assemble, join
@@ -81,7 +80,7 @@ def import_data(
     for one in given:
         if not isinstance(one, str | Path):
             raise wrong_kind("import_data", one, "the path of a file, or a list of them")
-    paths = [Path(one) for one in given]
+    paths = [path_of("import_data", one) for one in given]
     sweep = _import(paths, mapping, positions, parameter, reader, progress)
     return sweep if frame is None else _one_frame(sweep, frame)
 
@@ -150,12 +149,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
     if mapping is not None:
         return assemble(contents, mapping)
     if contents.mapping is not None:
-        unknown = [*contents.attrs.get("unknown headings", ()), *contents.attrs.get("halves", ())]
-        if unknown:
-            warnings.warn(
-                f"{contents.path}: the columns {listed(map(repr, unknown))} are not understood and left out",
-                stacklevel=4,
-            )
+        contents.warn_of_columns()
         return assemble(contents, load_mapping(dict(contents.mapping)))
     if {"s", "frequency"} <= set(contents.variables) and contents.reader == "hdf5":
         from mirrorfold.io.own.netcdf import read

@@ -14,6 +14,7 @@ from mirrorfold.common.arguments import boolean, in_message, number, wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
+from mirrorfold.io.own.checks import check_reconstruction
 from mirrorfold.io.plans import as_plan
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ Extent = tuple[float, float, float, float]
 
 DRAW_BEFORE_AFTER = "draw it with --what before-after, in Python with mf.plot.before_after"
 """The remedy for a picture that a reconstruction does not have."""
+
+LOWEST_FLOOR_DB = -1000.0
+"""Lowest floor of a picture [dB]: no numbers of single precision differ by more."""
 
 CURVE_STEP = 0.005
 """Length of the chords by which curved surfaces are drawn [m]."""
@@ -54,11 +58,29 @@ def checked_extent(extent: Any) -> Extent | None:
     """
     if extent is None:
         return None
-    if isinstance(extent, list | tuple | np.ndarray) and np.shape(extent)[:1] == (4,):
+    row = isinstance(extent, list | tuple) or (isinstance(extent, np.ndarray) and extent.ndim == 1)
+    if row and len(extent) == 4:
         x0, x1, y0, y1 = (number("extent", value, "m") for value in extent)
         if x0 < x1 and y0 < y1:
             return x0, x1, y0, y1
     raise InputError(f"extent is {in_message(extent)}, expected (x0, x1, y0, y1) in metres with x0 < x1 and y0 < y1")
+
+
+def checked_floor(floor_db: Any) -> float:
+    """Check the level [dB] below which all is drawn alike.
+
+    Raises
+    ------
+    InputError
+        If it is no negative number, or below `LOWEST_FLOOR_DB`.
+    """
+    found = number("floor_db", floor_db, "dB")
+    if not LOWEST_FLOOR_DB <= found < 0.0:
+        raise InputError(
+            f"floor_db is {in_message(floor_db)}, expected a negative number of decibels down to {LOWEST_FLOOR_DB:g}, "
+            "for example -40"
+        )
+    return found
 
 
 def outer_edges(centres: Array) -> tuple[float, float]:
@@ -94,6 +116,7 @@ def expect_reconstruction(name: str, value: object) -> None:
     """
     if not isinstance(value, xr.DataTree):
         raise wrong_kind(f"plot.{name}", value, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
+    check_reconstruction(value, source=f"plot.{name}")
 
 
 def known_scene(scene: Any) -> Scene | Scene3D | None:

@@ -8,11 +8,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from mirrorfold.common.arguments import number
 from mirrorfold.common.decibels import decibels
 from mirrorfold.describing.comparison import Changes, checked_pair, find_changes, two_names
 from mirrorfold.folding.confident import confident_points
-from mirrorfold.plotting.axes import Extent, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
+from mirrorfold.plotting.axes import Extent, checked_floor, draw_radar, in_metres, mirror_lines, outer_edges, radar_of
 from mirrorfold.plotting.comparison import content_extent
 from mirrorfold.plotting.figures import COLOUR_MAP, mirrors
 
@@ -57,7 +56,7 @@ def compare(
         As `mirrorfold.compare`.
     """
     first, second = checked_pair(first, second)
-    names, floor_db = two_names(names), number("floor_db", floor_db, "dB")
+    names, floor_db = two_names(names), checked_floor(floor_db)
     changes = find_changes(first, second)
     extent = _extent(first, second, changes)
     width, height = extent[1] - extent[0], extent[3] - extent[2]

@@ -22,12 +22,14 @@ from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points, passed_walls
+from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io.plans import as_plan
 from mirrorfold.plotting.axes import (
     CURVE_STEP,
     Extent,
     axes_or_new,
     checked_extent,
+    checked_floor,
     colour_of,
     draw_radar,
     draw_truth,
@@ -88,11 +90,11 @@ def image(
     InputError
         If the image is no plan view, or an argument is wrong.
     """
+    if isinstance(image, xr.DataArray) and "frame" in image.dims:
+        image = pick_frame(image)
     if not isinstance(image, xr.DataArray) or image.dims != ("y", "x"):
         raise wrong_kind("plot.image", image, "an image (xarray.DataArray) with the dimensions (y, x)")
-    floor_db = number("floor_db", floor_db, "dB")
-    if floor_db >= 0:
-        raise InputError(f"floor_db is {in_message(floor_db)}, expected a negative number of decibels, for example -40")
+    floor_db = checked_floor(floor_db)
     one_of("normalization", normalization, ("r", "none"))
     radar, colorbar = place(radar, "radar"), boolean("colorbar", colorbar)
     extent = checked_extent(extent)
@@ -281,6 +283,7 @@ def corrected(
     matplotlib.axes.Axes
     """
     expect_reconstruction("corrected", reconstruction)
+    reconstruction = pick_frame(reconstruction)
     ax = image(
         reconstruction.dataset["intensity"],
         ax,

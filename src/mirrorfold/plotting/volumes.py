@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from mirrorfold.common.arcs import mirror_outlines
-from mirrorfold.common.arguments import boolean, number
+from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -24,6 +24,7 @@ from mirrorfold.folding.confident import confident_points
 from mirrorfold.plotting.axes import (
     DRAW_BEFORE_AFTER,
     axes_or_new,
+    checked_floor,
     draw_radar,
     draw_truth,
     expect_reconstruction,
@@ -121,7 +122,7 @@ def body(
     """
     columns = _points(reconstruction)
     scene = None if scene is None else scene_in_space(scene)
-    floor_db = number("floor_db", floor_db, "dB")
+    floor_db = checked_floor(floor_db)
     hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
     if hidden.sum() < FEWEST:
         raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")

@@ -16,6 +16,9 @@ from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Arc, Circle, Surface
 
+MOST_BOUNCES = 1000
+"""Largest number of reflections that may be asked for: echoes of more have died away."""
+
 BOUNCES = 3
 """Largest number of reflections on the way to a point that counts as reachable."""
 

@@ -21,7 +21,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.scenes.floor_plan import Scene, as_scene
-from mirrorfold.scenes.visibility import BOUNCES
+from mirrorfold.scenes.visibility import BOUNCES, MOST_BOUNCES
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
 from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
@@ -160,7 +160,7 @@ def score(
     for group in ("objects", "mirrors"):
         if group not in reconstruction.children:
             raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")
-    bounces = whole_number("bounces", bounces)
+    bounces = whole_number("bounces", bounces, highest=MOST_BOUNCES)
     reconstruction = pick_frame(reconstruction)
     scene = as_scene(scene)
     objects = confident_points(reconstruction, min_confidence)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +14,9 @@ from mirrorfold.common.arguments import boolean, number, one_of, path_of, whole_
 from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
+from mirrorfold.scenes.visibility import MOST_BOUNCES
 from mirrorfold.simulation.horns import point_sources
-from mirrorfold.simulation.limits import check_clearance, check_extent
+from mirrorfold.simulation.limits import angle_doubts, check_clearance, check_extent
 from mirrorfold.sweep import add_noise, make_sweep
 
 if TYPE_CHECKING:
@@ -64,7 +66,7 @@ def simulate(
         "rays": geometrical optics, with specular paths by way of mirrors and diffuse scatterers at fixed random places.
         "fullwave": integral equations of perfect conductors and dielectric walls, which include all multiple
         scattering, diffraction and shadowing.
-    bounces : int, default 3
+    bounces : int, default 3, at most 1000
         Rays only. Largest number of mirrors between an antenna and a scatterer, on the way out and again on the way
         back. In two dimensions, purely specular returns, which need no scatterer, are followed over twice as many.
     seed : int, default 0
@@ -125,7 +127,7 @@ def simulate(
     """
     scene = as_scene(scene)
     one_of("solver", solver, SOLVERS)
-    bounces, seed = whole_number("bounces", bounces), whole_number("seed", seed)
+    bounces, seed = whole_number("bounces", bounces, highest=MOST_BOUNCES), whole_number("seed", seed)
     tolerance = number("tolerance", tolerance)
     workers = whole_number("workers", workers, lowest=1)
     force, direct, resume = boolean("force", force), boolean("direct", direct), boolean("resume", resume)
@@ -145,6 +147,8 @@ def simulate(
     of_rays = {"bounces": bounces != 3, "force": force, "memory_limit": memory_limit is not None}
     _check_solver_options(solver, of_rays, of_fullwave)
     check_extent(scene)
+    for doubt in angle_doubts(scene):
+        warnings.warn(doubt, stacklevel=2)
     if not isinstance(scene, Scene):
         if solver == "fullwave":
             raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")
@@ -298,7 +302,7 @@ def estimate(
     InputError
         If the scene cannot be simulated, or does not fit into the memory limit.
     """
-    scene = as_scene(scene)
+    scene, bounces = as_scene(scene), whole_number("bounces", bounces, highest=MOST_BOUNCES)
     check_extent(scene)
     if not isinstance(scene, Scene):
         from mirrorfold.simulation.raster.estimate import estimate as estimate_scan

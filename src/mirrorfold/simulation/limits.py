@@ -11,9 +11,8 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.memory import available_memory
-from mirrorfold.common.plausible import extent, frequency_unit, length_unit, pitch
+from mirrorfold.common.plausible import extent, frequency_unit, length_unit, pitch, reach, shorter_unit
 from mirrorfold.common.types import Array
-from mirrorfold.common.units import KINDS
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Arc, Circle
@@ -22,10 +21,8 @@ if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
     from mirrorfold.simulation.raster.meshes import Solid
 
-REACH_IN_AMBIGUOUS_RANGES = 10.0
-REACH_IN_WAVELENGTHS = 1e5
-"""Largest plausible distance of a surface: this many ambiguous ranges, or this many wavelengths at the top of the band,
-whichever is longer. A surface farther away was given in a wrong unit, or is out of reach of the radar."""
+LONGEST_CORRELATION = 10.0
+"""Largest correlation length of a rough surface, in sizes of the surface: a longer one is a tilt, no roughness."""
 
 CLEARANCE = 0.5 / np.pi
 """Least distance of antennas from surfaces in wavelengths, ``k d = 1``: nearer, the field of a source is not yet the
@@ -49,6 +46,25 @@ def check_extent(scene: Scene | Scene3D) -> None:
     _check_samples(scene)
     _check_frequencies(scene)
     _check_surfaces(scene)
+    _check_roughness(scene)
+
+
+def angle_doubts(scene: Scene | Scene3D) -> list[str]:
+    """Sentences about arcs whose angles, in degrees, were probably given in radians: they span less than 2 pi degrees.
+
+    Whole numbers are taken for degrees.
+    """
+    found = []
+    for index, surface in enumerate(scene.surface):
+        if not isinstance(surface, Arc):
+            continue
+        start, stop = surface.start_angle, surface.stop_angle
+        if max(abs(start), abs(stop)) <= 2.0 * np.pi and not (start.is_integer() or stop.is_integer()):
+            found.append(
+                f"scene {scene.name!r}: surface[{index}] {surface.name!r} spans {abs(stop - start):.3g} degrees, from "
+                f'{start:g} to {stop:g}; if these are radians, write "{start:g} rad" and "{stop:g} rad"'
+            )
+    return found
 
 
 def check_clearance(scene: Scene) -> None:
@@ -145,16 +161,30 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
 def _check_surfaces(scene: Scene | Scene3D) -> None:
     """Refuse surfaces farther away than the largest plausible distance."""
     ambiguous = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
-    limit = max(REACH_IN_AMBIGUOUS_RANGES * ambiguous, REACH_IN_WAVELENGTHS * speed_of_light / scene.band.stop)
+    limit = reach(ambiguous, speed_of_light / scene.band.stop)
     for index, surface in enumerate(scene.surface):
         away = _distance(scene, surface)
         if away > limit:
-            meant = [unit for unit in ("cm", "mm") if away * KINDS["length"][unit] < limit]
-            hint = f", perhaps {away:g} {meant[-1]} were meant" if meant else ""
             raise InputError(
                 f"scene {scene.name!r}: surface[{index}] {surface.name!r} reaches {away:.4g} m from the radar, whose "
-                f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m{hint}"
+                f"frequency steps tell ranges up to {ambiguous:.3g} m; expected at most {limit:.3g} m"
+                + shorter_unit(away, limit)
             )
+
+
+def _check_roughness(scene: Scene | Scene3D) -> None:
+    """Refuse surfaces that are rougher than they are large, or whose roughness is much longer than they are."""
+    for index, surface in enumerate(scene.surface):
+        if surface.roughness is None:
+            continue
+        size = max(extent(_corners(surface)), 2.0 * getattr(surface, "radius", 0.0)) or np.inf
+        for name, most in (("rms_height", size), ("correlation_length", LONGEST_CORRELATION * size)):
+            found = getattr(surface.roughness, name)
+            if found > most:
+                raise InputError(
+                    f"scene {scene.name!r}: surface[{index}] {surface.name!r} is {size:.3g} m large, and {name} of its "
+                    f'roughness is {found:g} m, expected at most {most:.3g} m; write it with its unit, as in "50 um"'
+                )
 
 
 def _farthest(scene: Scene | Scene3D) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.arguments import in_message, wrong_kind
+from mirrorfold.common.arguments import finite, in_message, wrong_kind
 from mirrorfold.common.plausible import (
     any_nonzero,
     constant_part,
@@ -23,7 +23,7 @@ from mirrorfold.common.plausible import (
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
-from mirrorfold.common.units import SLOWEST, other_unit
+from mirrorfold.common.units import FARTHEST, SLOWEST, other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
     AXES,
@@ -243,16 +243,17 @@ def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
-    """Refuse a `wave_speed` that is no number from `SLOWEST` on, and a `scene_center` or `origin` that is no place."""
-    speed = sweep.attrs.get("wave_speed", speed_of_light)
-    if (
-        isinstance(speed, bool)
-        or not isinstance(speed, (int, float, np.number))
-        or not SLOWEST <= float(speed) < np.inf
-    ):
+    """Refuse a `wave_speed` below `SLOWEST`, a beam of no size, and a `scene_center` or `origin` that is no place."""
+    speed = finite(sweep.attrs.get("wave_speed", speed_of_light))
+    if speed is None or speed < SLOWEST:
         raise refuse(
-            f"attr wave_speed is {in_message(speed)}, expected a number of at least {SLOWEST:g} metres per second"
+            f"attr wave_speed is {in_message(sweep.attrs['wave_speed'])}, expected a number of at least {SLOWEST:g} "
+            "metres per second"
         )
+    for name, lowest in (("spot_radius", np.finfo(float).tiny), ("focus_distance", 0.0)):
+        size = finite(sweep.attrs.get(name, 1.0))
+        if size is None or not lowest <= size <= FARTHEST:
+            raise refuse(f"attr {name} is {in_message(sweep.attrs[name])}, expected a positive number of metres")
     for name in ("scene_center", "origin"):
         centre = sweep.attrs.get(name)
         try:

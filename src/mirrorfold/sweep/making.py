@@ -145,7 +145,7 @@ def make_raster_sweep(
     time : (frames,) array [s], optional
         When each frame was measured.
     **attrs
-        What else is known: `title`, `spot_radius` and `focus_distance` [m] of the beam ...
+        What else is known: `title`, `spot_radius` and `focus_distance` [m] of the beam, as numbers or as "17 mm" ...
 
     Returns
     -------
@@ -164,6 +164,10 @@ def make_raster_sweep(
     return _made(RASTER_DIMENSIONS, s, coords, time, {"origin": real_numbers("sweep: origin", origin, "m"), **attrs})
 
 
+WRITTEN = {"spot_radius": "m", "focus_distance": "m", "wave_speed": "m/s"}
+"""Attributes that may be written with a unit, and their own unit."""
+
+
 def _made(
     dims: tuple[str, ...],
     s: ArrayLike,
@@ -177,6 +181,8 @@ def _made(
     Where the samples have one dimension more than `dims`, it comes first: `polarization` where polarizations are named,
     otherwise `frame`.
     """
+    written = {name: unit for name, unit in WRITTEN.items() if isinstance(attrs.get(name), str)}
+    attrs = attrs | {name: number(f"sweep: {name}", attrs[name], unit) for name, unit in written.items()}
     if time is not None:
         coords["time"] = (("frame",), time, "s")
     values = complex_samples("sweep: s", s, dims)

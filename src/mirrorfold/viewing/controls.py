@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import floor, log10
+from math import ceil, floor, log10
 from typing import Any
 
 from mirrorfold.common.settings import Rule
@@ -110,6 +110,8 @@ def _kind(name: str, value: Any) -> dict[str, Any]:
         return {"kind": "number"}
     step = _round_step((highest - lowest) / SLIDER_STEPS)
     lowest, highest = (round(step * round(end / step), 12) for end in (lowest, highest))
+    if rule.lowest is not None:
+        lowest = max(lowest, round(step * ceil(rule.lowest / step), 12))
     if rule.above is not None:
         lowest = max(lowest, rule.above + step)
     if rule.below is not None:

@@ -246,3 +246,18 @@ def test_a_unit_too_many_is_refused(tmp_path, option, said, capsys):
 def test_arrays_that_no_unit_makes_long_enough_are_refused():
     with pytest.raises(mf.InputError, match=r"wavelengths long at 3e\+11 Hz; give"):
         mf.make_sweep(S, frequency=F, tx_position=1e-6 * TX, rx_position=1e-6 * RX)
+
+
+def test_what_the_waves_tell_of_a_unit_stands_for_what_lengths_suggest(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    places, f = line_of(31, pitch=1e-3), np.linspace(290e9, 300e9, 41)
+    s = echo(f, places, places)
+    rows = [
+        [f[n] / 1e9, 1e2 * places[i, 0], 1e2 * places[k, 0], s[n, i, k].real, s[n, i, k].imag]
+        for n, i, k in np.ndindex(s.shape)
+    ]
+    np.savetxt("a.csv", rows, delimiter=",", header="f_GHz,tx_x,rx_x,re,im", comments="", fmt="%.9g")
+    assert main(["import", "a.csv", "-o", "sweep.nc"]) == 0
+    said = capsys.readouterr().err
+    assert "they are in centimetres, not in metres. (97 % sure)" in said
+    assert "probably in" not in said

@@ -355,3 +355,10 @@ def test_networks_and_their_files_are_the_same(tmp_path, measured):
     from_memory = mf.import_data(held, positions=DESCRIBED | places(tx, rx))
     order = np.argsort(from_files["rx_position"].values[:, 0])  # the names of the files have another order
     np.testing.assert_allclose(from_files["s"].isel(rx=order), from_memory["s"], atol=1e-6)
+
+
+def test_places_may_be_arrays(tmp_path, measured):
+    _, tx, rx, _ = measured
+    path = long(tmp_path / "a.csv", *measured, ["freq", "tx", "rx", "re", "im"], lambda i, k: (i + 1, k + 1), scale=1.0)
+    same(mf.import_data(path, positions={"tx": {"position": tx}, "rx": {"x": rx[:, 0]}}), *measured)
+    same(mf.import_data(path, mapping=MAPPED | {"tx": {"position": tx}, "rx": {"position": rx}}), *measured)

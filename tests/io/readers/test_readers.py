@@ -15,7 +15,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.io import readers
 from mirrorfold.io.readers import Reader, read_contents
 from mirrorfold.io.readers.contents import Contents, Variable
-from mirrorfold.io.readers.table import parse_number
+from mirrorfold.io.readers.lines import parse_number
 
 ONE_FILE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(40))
 

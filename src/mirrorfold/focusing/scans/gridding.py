@@ -20,6 +20,12 @@ from mirrorfold.errors import InputError
 from mirrorfold.focusing.problem import pixel_axis
 from mirrorfold.focusing.scans.range_profiles import angle_table, at_point, beams_of, magnitudes
 
+PLAN_BYTES = 28.0
+"""Bytes of a pixel of a plan view while it is made: its amplitude, and three angles."""
+
+FINEST_PIXEL = 1e-3
+"""Finest pixel of a plan view, in range samples."""
+
 VOXEL_BYTES = 4.0
 """Bytes of the amplitude of a voxel."""
 
@@ -42,12 +48,12 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     Raises
     ------
     InputError
-        If this is no volume with rising coordinates, or the pixel no positive length.
+        If this is no volume with rising coordinates, or the pixel is too fine.
     """
     amplitude = _samples(volume)
     range_, azimuth, elevation = _coordinates(volume, {"range": 2, "azimuth": 2, "elevation": 1}).values()
     step = float(range_[1] - range_[0])
-    pixel = 2.0 * step if pixel is None else number("pixel", pixel, "m", above=0.0)
+    pixel = 2.0 * step if pixel is None else number("pixel", pixel, "m", lowest=FINEST_PIXEL * step)
     polar = np.zeros((azimuth.size, range_.size), dtype=np.float32)
 
     def column(i: int) -> None:
@@ -61,6 +67,7 @@ def plan_view(volume: xr.DataArray, *, pixel: float | None = None) -> xr.DataArr
     x = np.arange(np.floor(min(across.min(), 0.0) / pixel), max(across.max(), 0.0) / pixel + 1)
     y = np.arange(np.floor(ahead.min() / pixel) or 1.0, ahead.max() / pixel + 1)
     x, y = x * pixel, y * pixel
+    check_room(PLAN_BYTES * x.size * y.size, f"a plan view of {x.size} x {y.size} pixels", "ask for larger pixels")
     values = np.zeros((y.size, x.size), dtype=np.float32)
     angle = np.degrees(np.arctan2(x[None, :], y[:, None]))
     angle += 360.0 * np.rint((0.5 * (azimuth[0] + azimuth[-1]) - angle) / 360.0)

@@ -68,15 +68,39 @@ def focus_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | 
 
 
 def focus_scans(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
-    """As `focus_scan`; of a scan with several polarizations all of them, along a leading dimension."""
+    """As `focus_scan`; of a scan with frames or several polarizations all of them, along leading dimensions.
+
+    Raises
+    ------
+    InputError
+        As `focus_scan`.
+    """
+    if "frame" in sweep["s"].dims:
+        count = sweep.sizes["frame"]
+        each = []
+        for n in range(count):
+            each.append(focus_scans(sweep.isel(frame=n), settings, progress if count == 1 else None))
+            left = float(each[n].nbytes) * (2 * count - n - 1)  # of those to come, and of all together
+            check_room(left, f"sweep: the images of {count} frames", REMEDY, settings.memory_limit)
+            if progress is not None:
+                progress(n + 1, count)
+        of_frames = {name: values for name, values in sweep.coords.items() if values.dims == ("frame",)}
+        return _stacked(each, "frame", of_frames)
     names = polarizations(sweep)
     if not names:
         return focus_scan(sweep, settings, progress)
     each = [focus_scan(picked(sweep, name), settings, progress) for name in names]
-    values = np.stack([np.moveaxis(one.values, 0, -1) for one in each])  # as each lies in memory
-    coords = {"polarization": ("polarization", np.array(names)), **each[0].coords}
-    dims = ("polarization", *each[0].dims)
-    return xr.DataArray(np.moveaxis(values, -1, 1), dims=dims, coords=coords, attrs=each[0].attrs, name="image")
+    return _stacked(each, "polarization", {"polarization": ("polarization", np.array(names))})
+
+
+def _stacked(each: list[xr.DataArray], dim: str, coords: dict[Any, Any]) -> xr.DataArray:
+    """Images along a new first dimension; in memory, the axes of each keep their order."""
+    dims = each[0].dims
+    values = np.stack([np.moveaxis(one.values, dims.index("range"), -1) if "range" in dims else one for one in each])
+    if "range" in dims:
+        values = np.moveaxis(values, -1, dims.index("range") + 1)
+    coords = {**{name: one for name, one in each[0].coords.items() if one.dims}, **coords}
+    return xr.DataArray(values, dims=(dim, *dims), coords=coords, attrs=each[0].attrs, name="image")
 
 
 def amplitude_of_scan(sweep: xr.Dataset, settings: FocusSettings, progress: Progress | None) -> xr.DataArray:
@@ -112,7 +136,7 @@ def choose_scan(sweep: xr.Dataset, settings: FocusSettings) -> Choice:
         for name in ("azimuth", "elevation"):
             angle = sweep[name].values
             whole[name] = (float(angle[0]), float(angle[-1]), angle.size)
-        held = 8.0 * columns * rows * size
+        held = 8.0 * frames * columns * rows * size
         check_room(held + work, _what(columns, rows), REMEDY, settings.memory_limit)
     else:
         axes = {"z": z, "y": y, "x": x}

@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from mirrorfold.common.arguments import in_message
@@ -40,7 +41,7 @@ def read_written(path: Path) -> dict[str, Any]:
 
 
 def validated(model: type[Model], content: dict[str, Any], source: str) -> Model:
-    """Check the content, and return it as a model.
+    """Check the content, in which arrays of NumPy may stand for lists, and return it as a model.
 
     Raises
     ------
@@ -48,10 +49,19 @@ def validated(model: type[Model], content: dict[str, Any], source: str) -> Model
         If the content is not valid; the message tells every mistake and its place.
     """
     try:
-        return model.model_validate(content)
+        return model.model_validate(_plain(content))
     except ValidationError as error:
         mistakes = dict.fromkeys(_explain(item, _fields(model)) for item in error.errors(include_url=False))
         raise InputError(f"{source}: {'; '.join(mistakes)}") from None
+
+
+def _plain(value: Any) -> Any:
+    """Content in which rows of NumPy, and places (n, 2) or (n, 3), are lists, as in a file."""
+    if isinstance(value, np.ndarray | np.generic) and (value.ndim < 2 or value.shape[1:] in ((2,), (3,))):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _fields(model: type[BaseModel]) -> list[str]:

@@ -5,6 +5,7 @@ Before anything is allocated, sizes are read from headers, and compared with the
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -107,6 +108,14 @@ class Contents:
         said = [f"holds the headings {listed(map(repr, unknown))}, which are not understood"] if unknown else []
         said += [f"holds {what} alone, {heading!r}, without the other part" for heading, what in halves.items()][:1]
         return ", and ".join(said)
+
+    def warn_of_columns(self) -> None:
+        """Warn of the columns of a table that are not understood, and so left out."""
+        unknown = [*self.attrs.get("unknown headings", ()), *self.attrs.get("halves", ())]
+        if unknown:
+            warnings.warn(
+                f"{self.path}: the columns {listed(map(repr, unknown))} are not understood and left out", stacklevel=5
+            )
 
     def array(self, name: str) -> NDArray:
         """The values of a variable.

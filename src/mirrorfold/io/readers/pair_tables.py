@@ -24,9 +24,9 @@ from mirrorfold.io.readers.contents import Spectra, Variable
 
 SIDES = {
     "tx": re.compile(
-        r"^(?:tx|transmit(?:ter)?|source|emitter)(?:[_ ]?(?:index|number|no|id|element|antenna|port)\.?)?$"
+        r"^(?:tx|transmit(?:ter)?|source|emitter)(?:[_ ]?(?:index|number|no|id|element|antenna|port|#)\.?)?$"
     ),
-    "rx": re.compile(r"^(?:rx|receive(?:r)?|detector)(?:[_ ]?(?:index|number|no|id|element|antenna|port)\.?)?$"),
+    "rx": re.compile(r"^(?:rx|receive(?:r)?|detector)(?:[_ ]?(?:index|number|no|id|element|antenna|port|#)\.?)?$"),
 }
 COORDINATE = re.compile(r"^(tx|rx)_?([xyz])(?:[_ ]*[\[(]?\s*(\w+?)\s*[\])]?)?$")
 ALONE = re.compile(

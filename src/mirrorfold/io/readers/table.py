@@ -1,14 +1,14 @@
 """Text tables: CSV with complex numbers as ``a+bi``, in two columns, or as magnitude and phase, and the CSV exports of
 network analysers (Rohde & Schwarz, Keysight and others).
 
-Columns are separated by commas, semicolons, tabs or blanks; with semicolons or tabs, numbers may have decimal commas.
-Lines that begin with one of ``# ! % //`` are comments; the last line of words before the numbers holds the headings.
+`lines` tells where the numbers begin. Columns of words whose headings are not understood are left out.
 """
 
 from __future__ import annotations
 
 import re
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader, pair_tables
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
+from mirrorfold.io.readers.lines import LONGEST_CELL, UTF_16, begun, number_in, parse_number, split
 from mirrorfold.io.readers.phases import phase_unit
 
 GROWTH = 30.0
@@ -25,18 +26,8 @@ GROWTH = 30.0
 
 SUFFIXES = (".csv", ".txt")
 
-COMMENTS = ("#", "!", "%", "//")
-
-FRAMES = ("BEGIN", "END")
-"""First words of the lines before and after the data of Keysight's analysers."""
-
-NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf(?:inity)?)"
-REAL = re.compile(NUMBER, re.IGNORECASE)
-UNIT_IN_FRONT = re.compile(rf"({NUMBER})([+-])[ijIJ]\*?({NUMBER})", re.IGNORECASE)
-
-LONGEST_CELL = 200
-"""Largest number of letters of a number, or of a heading that is searched for its meaning; the time for this grows with
-the square of the length."""
+HEAD_BYTES = 1 << 16
+"""Number of first bytes of a table in which its headings are looked for."""
 
 UNITS = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "thz": 1e12}
 
@@ -77,10 +68,13 @@ class Table:
         Empty if there is not one for each column.
     values : (rows, columns) array
         Real, or complex if one of the cells is.
+    words : list of str
+        Headings of the columns that hold no numbers and are left out.
     """
 
     headings: list[str]
     values: NDArray
+    words: list[str]
 
 
 def read(path: Path) -> Contents:
@@ -97,7 +91,7 @@ def read(path: Path) -> Contents:
     for n, heading in enumerate(table.headings):
         variables.setdefault(heading, Variable.of(table.values[:, n]))
     attrs = {
-        "unknown headings": [heading for heading in unknown if not pair_tables.is_known(heading)],
+        "unknown headings": [*table.words, *(heading for heading in unknown if not pair_tables.is_known(heading))],
         "halves": halves,
     }
     mapping = None if table_sweep is None else table_sweep.mapping
@@ -112,100 +106,45 @@ def read_table(path: Path) -> Table:
     InputError
         If a line holds something else, or has another number of columns; the message tells the line.
     """
-    raw = read_bytes(path, growth=GROWTH)
-    if b"\0" in raw:
-        raise InputError(f"{path}: holds binary data, expected a text table; give the file its true name")
-    lines = [
-        (number, line.strip())
-        for number, line in enumerate(raw.decode("utf-8-sig", "replace").splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith(COMMENTS) and not _is_frame(line)
-    ]
-    first = next((n for n, (_, line) in enumerate(lines) if _begins_with_number(line)), None)
-    if first is None:
-        raise InputError(f"{path}: holds no line of numbers; export the samples as a table")
-    delimiter = _delimiter(lines[first][1])
+    lines, headings, cells, delimiter = begun(path, read_bytes(path, growth=GROWTH))
+    words = {
+        n for n, name in enumerate(headings) if number_in(cells[n], delimiter) is None and not _is_understood(name)
+    }
     rows: list[list[complex]] = []
-    columns, is_complex = 0, False
-    for number, line in lines[first:]:
-        cells = split(line, delimiter)
+    is_complex, decimal_comma = False, delimiter != ","
+    for number, line in lines:
+        found = split(line, delimiter)
+        if len(found) != len(cells):
+            raise InputError(f"{path}: line {number} has {len(found)} columns, expected {len(cells)} as before")
         values = []
-        for cell in cells:
-            value = parse_number(cell, decimal_comma=delimiter != ",")
+        for cell in [cell for n, cell in enumerate(found) if n not in words] if words else found:
+            value = parse_number(cell, decimal_comma=decimal_comma)
             if value is None:
                 raise InputError(f"{path}: line {number} holds {cell[:40]!r}, expected a number")
             is_complex = is_complex or isinstance(value, complex)
             values.append(value)
-        columns = columns or len(values)
-        if len(values) != columns:
-            raise InputError(f"{path}: line {number} has {len(values)} columns, expected {columns} as before")
         rows.append(values)
-    headings = _headings(lines[first - 1][1], delimiter) if first else []
-    headings = headings if len(headings) == columns else []
-    return Table([heading.strip("\"' ") for heading in headings], np.array(rows, complex if is_complex else float))
+    return Table(
+        [name for n, name in enumerate(headings) if n not in words],
+        np.array(rows, complex if is_complex else float),
+        [headings[n] for n in sorted(words)],
+    )
 
 
-def _is_frame(line: str) -> bool:
-    """Whether a line is one of those before and after the data of Keysight's analysers."""
-    return line.split(None, 1)[0].upper().rstrip(",;") in FRAMES
+def headings_of(path: Path) -> list[str]:
+    """The headings of a text table, from its first bytes; empty if it has none, or cannot be read as a table."""
+    with suppress(InputError, OSError):
+        if path.suffix.lower() in SUFFIXES:
+            with path.open("rb") as file:
+                return begun(path, file.read(HEAD_BYTES)).headings
+    return []
 
 
-def _begins_with_number(line: str) -> bool:
-    """Whether the first two cells of a line are numbers."""
-    delimiter = _delimiter(line)
-    return all(parse_number(cell, decimal_comma=delimiter != ",") is not None for cell in split(line, delimiter)[:2])
-
-
-def _delimiter(line: str) -> str:
-    """The mark that separates the columns of a line; a blank for any white space."""
-    return next((mark for mark in (";", "\t", ",") if mark in line), " ")
-
-
-def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line; a mark at its end is ignored."""
-    if delimiter == " ":
-        return line.split()
-    return [cell.strip().strip('"') for cell in line.rstrip(delimiter + " ").split(delimiter)]
-
-
-def _headings(line: str, delimiter: str) -> list[str]:
-    """The cells of a line of headings; marks within parentheses, as in ``S(2,1)``, separate no cells."""
-    if delimiter == " ":
-        return line.split()
-    line = line.rstrip(delimiter + " ")
-    pieces, end, inside = [], len(line), False
-    for at in range(len(line) - 1, -1, -1):
-        if line[at] in "()[]":
-            inside = line[at] in ")]"
-        elif line[at] == delimiter and not inside:
-            pieces.append(line[at + 1 : end])
-            end = at
-    return [piece.strip().strip('"') for piece in (line[:end], *reversed(pieces))]
-
-
-def parse_number(cell: str, *, decimal_comma: bool = False) -> float | complex | None:
-    """A real or complex number, as Python, MATLAB and others write it; None for anything else.
-
-    Examples
-    --------
-    >>> parse_number("-0.25-4e-3i"), parse_number("(1+2j)"), parse_number("1.5"), parse_number("1+j2")
-    ((-0.25-0.004j), (1+2j), 1.5, (1+2j))
-    """
-    text = cell.replace(" ", "").strip("()")
-    if len(text) > LONGEST_CELL:
-        return None
-    if decimal_comma:
-        text = text.replace(",", ".")
-    if REAL.fullmatch(text):
-        return float(text)
-    in_front = UNIT_IN_FRONT.fullmatch(text)
-    if in_front:
-        text = f"{in_front[1]}{in_front[2]}{in_front[3]}j"
-    if text.isascii() and text[-1:] in ("i", "j", "I", "J") and "_" not in text:
-        try:
-            return complex(text[:-1].rstrip("*") + "j")
-        except ValueError:
-            return None
-    return None
+def _is_understood(heading: str) -> bool:
+    """Whether a heading names a frequency, a part of a sample, an antenna or a place."""
+    text = heading[:LONGEST_CELL]
+    known = FREQUENCY.match(text) or PARAMETER.search(text) or pair_tables.is_known(text)
+    return bool(known or _kind(text)[0] is not None)
 
 
 def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[str, str]]:
@@ -232,10 +171,12 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
         for n, heading in enumerate(table.headings)
         if n != at and (not pair_tables.is_known(heading) or table.values[:, n].imag.any())
     }
-    if others and np.iscomplexobj(table.values):
-        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in others.items()}), [], {}
+    taken = {n: heading for n, heading in others.items() if _is_complex(heading, table.values[:, n])}
+    if taken and np.iscomplexobj(table.values):
+        unknown = [heading for n, heading in others.items() if n not in taken]
+        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in taken.items()}), unknown, {}
     parts: dict[str, dict[str, NDArray[np.float64]]] = {}
-    unknown: list[str] = []
+    unknown = []
     whose: dict[tuple[str, str], str] = {}
     for n, heading in others.items():
         kind, name = _kind(heading)
@@ -250,6 +191,11 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
     halves = {heading: HALVES[kind] for (name, kind), heading in whose.items() if made[name] is None}
     complete = {name: values for name, values in made.items() if values is not None}
     return (Spectra(frequency, complete, phases) if complete else None), unknown, halves
+
+
+def _is_complex(heading: str, values: NDArray) -> bool:
+    """Whether a column holds complex samples: by its values, or in a dead channel by its heading, such as S_1_2."""
+    return bool(values.imag.any()) or (PARAMETER.search(heading[:LONGEST_CELL]) is not None and not _kind(heading)[0])
 
 
 def _kind(heading: str) -> tuple[str | None, str]:
@@ -303,7 +249,7 @@ def _complex(columns: dict[str, NDArray[np.float64]], unit: str) -> NDArray[np.c
 
 def recognises(path: Path, head: bytes) -> bool:
     """Whether a file is text."""
-    return b"\0" not in head
+    return b"\0" not in head or head.startswith(UTF_16)
 
 
 READER = Reader("table", "text tables: complex CSV, and the CSV of network analysers", recognises, read, SUFFIXES)

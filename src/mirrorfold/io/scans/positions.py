@@ -27,7 +27,7 @@ from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.mapping.strict import read_written, validated
 from mirrorfold.io.readers import Contents
 from mirrorfold.io.readers.contents import read_bytes
-from mirrorfold.io.readers.table import LONGEST_CELL, parse_number
+from mirrorfold.io.readers.lines import LONGEST_CELL, parse_number
 
 Place = tuple[float, float, float]
 

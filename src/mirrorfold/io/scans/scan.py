@@ -287,6 +287,7 @@ def _all_pairs(table: Path, scan: Scan, files: Files) -> xr.Dataset:
             f"{path}: {contents.not_understood() or 'holds no pairs that are understood'}; expected columns S_1_1, "
             "S_1_2 ..., or freq, tx, rx, re, im"
         )
+    contents.warn_of_columns()
     described: dict[str, Any] = {"s": {"variable": "s", "dims": list(contents.variables["s"].dims)}}
     described |= {"frequency": {"variable": "frequency", "unit": "Hz"}, "tx": scan.tx, "rx": scan.rx}
     counts = {side: _one_place_each(table, contents, described, side) for side in ("tx", "rx")}

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import in_message, number, whole_number, wrong_kind
+from mirrorfold.common.plausible import HIGHEST_OF_ALL
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -23,6 +25,9 @@ from mirrorfold.simulation.fullwave.kernel import hankel
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import Complex, System, currents
 from mirrorfold.simulation.fullwave.tasks import source_strength
+
+LOWEST_FREQUENCY = 1.0
+"""Lowest frequency of a field [Hz]: its wavelength reaches almost to the moon."""
 
 BLOCK_VALUES = 2_000_000
 """Number of values of the kernel that are kept in memory at a time."""
@@ -83,8 +88,9 @@ def near_field(
     truth = as_scene(scene)
     if not isinstance(truth, Scene):
         raise InputError(f"scene {truth.name!r}: has three dimensions; the near field is computed in two")
-    frequency = number("frequency", frequency, "Hz", above=0.0)
-    if not isinstance(grid, list | tuple | np.ndarray) or len(grid) != 2:
+    frequency = number("frequency", frequency, "Hz", lowest=LOWEST_FREQUENCY, highest=HIGHEST_OF_ALL[True])
+    given: Any = grid
+    if not isinstance(given, list | tuple | np.ndarray) or getattr(given, "shape", (2,))[:1] != (2,) or len(given) != 2:
         raise wrong_kind("grid", grid, "the coordinates (x, y) of the pixels in metres", reader="")
     tolerance, seed = number("tolerance", tolerance), whole_number("seed", seed)
     x, y = (_coordinates(axis, name) for axis, name in zip(grid, "xy", strict=True))
@@ -141,7 +147,10 @@ def _total(system: System, pixels: Array, source: int, strengths: Complex, k: fl
 
 def _coordinates(axis: ArrayLike, name: str) -> np.ndarray:
     """The coordinates (n,) [m] of the pixels along one axis, checked."""
-    values = np.asarray(axis, dtype=float)
+    try:
+        values = np.asarray(axis, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise wrong_kind(f"grid: {name}", axis, "a row of finite coordinates in metres", reader="") from None
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise InputError(f"grid: {name} has shape {values.shape}, expected a row of finite coordinates in metres")
     return values
