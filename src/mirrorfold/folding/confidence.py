@@ -125,6 +125,8 @@ def _with_shares_of_blurs(points: Points, view: ImageView, shares: Shares) -> Po
     """The points with the confocal shares of echoes on faces that blur their wall: folding again asks for them."""
     blurs = (points.mirror != "") & ~points.interpolated
     blurs &= np.isin(points.initial @ (1.0, 1j), view.misplaced @ (1.0, 1j))
+    if not blurs.any():
+        return points
     share = points.confocal.copy()
     share[blurs] = shares(points.initial[blurs], points.amplitude[blurs])
     return replace(points, confocal=share)

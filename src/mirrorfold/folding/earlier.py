@@ -103,8 +103,9 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
     attrs = {str(name): value for name, value in reconstruction.attrs.items()}
     known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
     known = {"radar_position": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]} | known
-    height = known.pop("z", radar_place(known)[2])  # files of earlier versions do not tell it
-    image = image.assign_coords(z=float(height))
+    # Files of earlier versions do not tell the height; it was mostly that of the radar.
+    if height := known.pop("z", radar_place(known)[2]):
+        image = image.assign_coords(z=float(height))
     return image.assign_attrs(known | {"normalization": str(attrs.get("fold_normalization", "r"))})
 
 

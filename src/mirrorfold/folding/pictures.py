@@ -64,27 +64,27 @@ def pictures(
     if isinstance(view, ImageView):
         if image.ndim == 2 and not given:
             # Drawn pixels are interpolated, which is right to a tenth only; those of the image are exact.
-            measured = _measured(image, view, grid)
+            measured = _measured(image, view, grid, initial)
             np.copyto(folded, np.abs(measured), where=folded == initial)
             initial = measured
         return grid, folded, initial, "amplitude, range-normalised"
     return grid[:2], folded, initial, "strongest amplitude of each vertical column, normalised"
 
 
-def _measured(image: xr.DataArray, view: ImageView, grid: Grid) -> NDArray[Any]:
-    """The normalised pixels of an image themselves, (y, x), on a grid that continues theirs; zero outside of the view.
+def _measured(image: xr.DataArray, view: ImageView, grid: Grid, drawn: NDArray[np.float32]) -> NDArray[Any]:
+    """The normalised pixels of an image themselves, (y, x), on a grid that continues theirs, where they are `drawn`.
 
     They are complex if those of the image are.
     """
     x, y = (image[name].values.astype(float) for name in "xy")
     values, power = image.values, float(view.power - RANGE_POWERS[str(image.attrs.get("normalization", "none"))])
     below, left = (int(np.abs(axis - first).argmin()) for axis, first in zip(grid[::-1], (y[0], x[0]), strict=True))
-    out = np.zeros((grid[1].size, grid[0].size), dtype=np.result_type(values.dtype, np.float32))
+    out = np.zeros(drawn.shape, dtype=np.result_type(values.dtype, np.float32))
 
     def row(i: int) -> None:
-        range_, _, inside = view.locate(np.column_stack([x, np.full(x.size, y[i])]))
-        gain = np.where(inside & (range_ <= view.range[-1]), np.maximum(range_, view.range[0]) ** power, 0.0)
-        out[below + i, left : left + x.size] = gain.astype(np.float32) * values[i]
+        pixels = below + i, slice(left, left + x.size)
+        gain = (np.hypot(x - view.radar[0], y[i] - view.radar[1]) ** power).astype(np.float32)
+        np.multiply(gain, values[i], out=out[pixels], where=drawn[pixels] > 0.0)
 
     for_each(row, range(y.size))
     return out

@@ -128,7 +128,7 @@ def test_the_plan_folds_as_the_function_does_and_remembers(view):
 def test_another_grid_shows_the_same_scene(view):
     plan = FoldPlan(view)
     x, y = view["x"].values[20:180:2], view["y"].values[10:250:3]
-    whole, part = plan.fold(), plan.fold(grid=(x, y))
+    whole, part = plan.fold(grid=(view["x"].values, view["y"].values)), plan.fold(grid=(x, y))
     assert_allclose(part["intensity"], whole["intensity"].sel(x=x, y=y, method="nearest"), rtol=1e-5, atol=1e-7)
 
 

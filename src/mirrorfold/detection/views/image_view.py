@@ -294,10 +294,10 @@ class ImageView(View):
         claim = np.zeros_like(self.amplitude)
         near = max(1, int(LOBE_CELLS * self.u_cell / self.du + 1e-6))
         while near < self.u.size:
-            far = near + 2 * int(0.15 * near)
+            far = max(near + 1, int(1.3 * near))
             tx, rx = (max(1.0, np.pi * length * near * self.du) for length in (self.aperture_tx, self.aperture_rx))
             _claim(claim, self.amplitude, near, far, 1.0 / (tx * rx))
-            near = far + 1
+            near = far
         envelope = np.zeros(0)
         if self.window.size:
             distance = np.arange(self.range.size) * self.dr / self.range_unit
@@ -350,10 +350,13 @@ class ImageView(View):
 
 def _claim(claim: Array, amplitude: Array, near: int, far: int, level: float) -> None:
     """Raise `claim` (n, m), in place, to `level` times the brightest `amplitude` (n, m) that lies `near` to `far`
-    samples away along the last axis, on either side. The number of these distances is odd.
+    samples away along the last axis, on either side.
     """
-    size = far - near + 1
-    brightest = level * (amplitude if size == 1 else maximum_filter1d(amplitude, size, axis=1, mode="constant"))
-    middle = near + size // 2
-    np.maximum(claim[:, middle:], brightest[:, :-middle], out=claim[:, middle:])
-    np.maximum(claim[:, :-middle], brightest[:, middle:], out=claim[:, :-middle])
+    size, count = far - near + 1, claim.shape[1]
+    # The filter looks at a sample, the size // 2 before it, and the rest after it: by one sample less if that is even.
+    even = 1 - size % 2
+    after, before = min(far - size // 2, count), min(near + size // 2, count)
+    seen = np.pad(amplitude, ((0, 0), (0, 1))) if even else amplitude
+    brightest = level * (seen if size == 1 else maximum_filter1d(seen, size, axis=1, mode="constant"))
+    np.maximum(claim[:, after:], brightest[:, : count - after], out=claim[:, after:])
+    np.maximum(claim[:, : count + even - before], brightest[:, before:], out=claim[:, : count + even - before])
