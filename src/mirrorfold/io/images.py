@@ -122,7 +122,8 @@ def is_cloud(path: Path) -> bool:
     """
     if path.suffix.lower() in cloud.SUFFIXES:
         return True
-    headings = [heading.lower() for heading in table.headings_of(path)]
+    # A pipe would be waited for; reading the data refuses it.
+    headings = [heading.lower() for heading in table.headings_of(path)] if path.is_file() else []
     amplitudes = {DECIBEL.sub("", heading) for heading in headings} & set(AMPLITUDE_NAMES)
     return {"x", "y"} <= set(headings) and bool(amplitudes) and not any(map(table.FREQUENCY.match, headings))
 
