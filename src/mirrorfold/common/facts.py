@@ -31,6 +31,10 @@ VECTOR_ATTRIBUTES = ("radar_position", "array_direction")
 """Attributes that are a place or a direction."""
 
 
+APERTURES = "tx_aperture", "rx_aperture"
+"""Attributes that hold the lengths of both arrays [m]."""
+
+
 def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None:
     """Refuse impossible facts about the measurement in the attributes of an image or of a reconstruction.
 
@@ -100,3 +104,12 @@ def radar_place(attrs: Mapping[Any, Any]) -> Array:
     """Position (3,) [m] of the radar in the attributes of an image; the origin, or the floor, where they do not say."""
     given = np.asarray(attrs.get("radar_position", ()), dtype=float)
     return np.append(given, np.zeros(3 - given.size))
+
+
+def resolving_aperture(attrs: Mapping[Any, Any], prefix: str = "") -> float:
+    """Length [m] of the aperture that resolves directions, in attributes with a prefix as for `check_facts`.
+
+    It is the longer one; of one antenna that both sends and receives, twice its way. Zero where they do not say.
+    """
+    tx, rx, monostatic = (float(attrs.get(f"{prefix}{name}", 0.0)) for name in (*APERTURES, "monostatic"))
+    return (2.0 if monostatic else 1.0) * max(tx, rx)

@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.decibels import power_decibel
+from mirrorfold.common.facts import resolving_aperture
 from mirrorfold.common.records import LEFT_OUT, Number, fact
 from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import cross_range_resolution
@@ -66,7 +67,7 @@ def _resolved(image: xr.DataArray) -> Any:
     if not set(needed) <= set(image.attrs) or not {"x", "y"} <= set(image.coords):
         return LEFT_OUT
     attrs = image.attrs
-    aperture = (2.0 if attrs.get("monostatic") else 1.0) * max(float(attrs["tx_aperture"]), float(attrs["rx_aperture"]))
+    aperture = resolving_aperture(attrs)
     if aperture == 0.0:
         return LEFT_OUT
     middle = 0.5 * (float(attrs["frequency_start"]) + float(attrs["frequency_stop"]))

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
-from scipy.spatial import cKDTree
 
+from mirrorfold.common.plausible import pitch
 from mirrorfold.common.records import Number, Record, fact
 
 Array = NDArray[np.float64]
@@ -106,8 +106,9 @@ def resolution(
     wavelength = speed / float(frequency.mean())
     shortest = speed / float(frequency[-1])
     ways = 2.0 if monostatic else 1.0
+    steps = [pitch(tx_position) or None, pitch(rx_position) or None]
     aperture = ways * max(_extent(tx_position), _extent(rx_position))
-    pitches = [ways * pitch for pitch in (_pitch(tx_position), _pitch(rx_position)) if pitch is not None]
+    pitches = [ways * step for step in steps if step is not None]
     field_of_view = 2.0 * float(np.degrees(np.arcsin(min(1.0, shortest / (2.0 * min(pitches)))))) if pitches else None
     band, depth, remarks = _band(frequency, speed)
     if ranges is None:
@@ -118,7 +119,7 @@ def resolution(
         tx=len(tx_position),
         rx=len(rx_position),
         aperture_m=[_extent(tx_position), _extent(rx_position)],
-        pitch_m=[_pitch(tx_position), _pitch(rx_position)],
+        pitch_m=list(steps),
         **depth,
         cross_range_resolution_m=cross_range_resolution(wavelength, aperture, ranges) if aperture else None,
         field_of_view_deg=field_of_view,
@@ -202,11 +203,3 @@ def _extent(position: Array) -> float:
     centred = position - position.mean(axis=0)
     longest = np.linalg.svd(centred, full_matrices=False)[2][0]
     return float(np.ptp(centred @ longest))
-
-
-def _pitch(position: Array) -> float | None:
-    """Median distance [m] between nearest neighbours; None for a single place, and where it rounds to zero."""
-    places = np.unique(position, axis=0)
-    if len(places) < 2:
-        return None
-    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1])) or None

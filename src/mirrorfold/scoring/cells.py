@@ -10,6 +10,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import HALF_POWER, beam_radius
+from mirrorfold.common.facts import resolving_aperture
 from mirrorfold.common.types import Array
 
 
@@ -37,7 +38,7 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = 
         return None
     way = np.linalg.norm([objects[f"{a}_initial"].values - float(attrs.get(f"radar_{a}", 0.0)) for a in axes], axis=0)
     wavelength = float(attrs.get("image_wave_speed", speed_of_light)) / (0.5 * (low + high))
-    aperture = (2.0 if known("monostatic") else 1.0) * max(known("tx_aperture") or 0.0, known("rx_aperture") or 0.0)
+    aperture = resolving_aperture(attrs, "image_")
     spot, focus = known("spot_radius"), known("focus_distance")
     if aperture > 0.0:
         across = way * wavelength / aperture

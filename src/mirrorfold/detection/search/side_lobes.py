@@ -46,10 +46,10 @@ def are_side_lobes(row: Echoes, weight: Array, view: ImageView) -> bool:
     u, sine, reach = view.u[brightest], view.u[row.direction], EDGE_CELLS * view.u_cell
     beyond = (u < sine.min() - reach) | (u > sine.max() + reach)
     lobes = beyond & may_be_lobes(row, view, level, np.abs(sine - u))
-    return _at_one_range(row.range[lobes], weight[lobes], view.range_cell) > LARGEST_SHARE * float(weight.sum())
+    return _heaviest_cell(row.range[lobes], weight[lobes], view.range_cell) > LARGEST_SHARE * float(weight.sum())
 
 
-def _at_one_range(ranges: Array, weight: Array, cell: float) -> float:
+def _heaviest_cell(ranges: Array, weight: Array, cell: float) -> float:
     """Largest sum of the weights of echoes that are within one range cell, of `ranges` and `weight` (n,)."""
     order = np.argsort(ranges)
     ranges, sums = ranges[order], np.concatenate([[0.0], np.cumsum(weight[order])])
