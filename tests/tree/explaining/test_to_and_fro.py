@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic import RANGE_CELL, diffuse, radar_view, together
+from synthetic import RANGE_CELL, U_CELL, diffuse, radar_view, together
 
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import usual_settings
@@ -96,3 +96,24 @@ def test_the_object_may_be_known_from_another_side():
 def test_after_a_second_turn_it_stands_twice_as_far_behind_and_is_fainter(level, told):
     seen = in_mirror(PLACE)
     assert explained((seen, 60.0), (later(seen, 2.0 * AWAY), level)) == [False, told]
+
+
+OTHER = PLACE + [-0.06, -0.04]
+"""Another object, before the first."""
+
+
+@pytest.mark.parametrize(("ways", "told"), [(1.0, True), (3.0, False)])
+def test_two_objects_beside_each_other_have_echoes_behind_them_by_their_distance(ways, told):
+    """Fainter ones than both, as both spread the wave."""
+    seen, other = in_mirror(PLACE), in_mirror(OTHER)
+    apart = float(np.linalg.norm(OTHER - PLACE))
+    assert explained((seen, 60.0), (other, 60.0), (later(seen, ways * apart), 30.0)) == [False, False, told]
+
+
+@pytest.mark.parametrize(("cells", "told"), [(1.7, True), (2.5, False)])
+def test_the_place_may_lie_between_two_echoes_of_a_face(cells, told):
+    """The wave turns on a flank, which throws aside what it scatters otherwise."""
+    seen = in_mirror(PLACE)
+    aside = cells * U_CELL * np.array([-seen[1], seen[0]])
+    face = [(seen + side * aside, 60.0) for side in (-1.0, 1.0)]
+    assert explained(*face, (later(seen, AWAY), 60.0)) == [False, False, told]

@@ -26,7 +26,7 @@ from mirrorfold.tree.mirror_tree import MirrorTree
 def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
-    These would stand behind known walls or objects, went to and fro between an object and a wall, or may be side lobes.
+    These would stand behind known walls or objects, went to and fro beside an object, or may be side lobes.
 
     Parameters
     ----------

@@ -1,40 +1,64 @@
-"""Echoes of waves that went to and fro between an object and a wall beside it.
+"""Echoes of waves that went to and fro between an object and a wall or another object beside it.
 
 An object near a wall sends a part of the wave to that wall, along the wall's normal. The wall sends it back to the same
 place of the object, and this place to the radar. For a place at range r0 and the distance d away from the wall, an echo
 stands in the same direction at r0 + d, behind the object, and after a second turn another at r0 + 2 d. If the object is
 smooth, all turns are glints, and the first echo is as bright as the object's own face: its brightness does not
 distinguish it from the echo of another object.
+
+Two objects beside each other do the same: each has such an echo behind it, at r0 + d for the distance d of its place
+from the nearest place of the other.
+
+The wave turns where the normal of the object's face bisects the directions to the radar and to the wall. The face may
+throw what it scatters otherwise aside there, and show no echo: so places between the echoes of a face count, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial import cKDTree
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
-from mirrorfold.tree.grouping import object_numbers
+from mirrorfold.tree.grouping import connected, object_numbers
 from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
 
-TO_AND_FRO = "went to and fro between an object and a wall"
+TO_AND_FRO = "went to and fro between an object and a wall, or another object"
 
 RESOLVED_CELLS = 1.0
-"""Least distance, in range cells, of a place from the wall, and of an echo behind that place: nearer ones are not
-resolved."""
+"""Least distance, in range cells, of a place from the wall or the other object, and of an echo behind that place:
+nearer ones are not resolved."""
+
+GAP_CELLS = 3.0
+"""Largest distance, in resolution cells, of neighbouring echoes of one face: a glint reaches one cell to either side,
+and speckle tears a gap of one cell."""
 
 BRIGHTER_DB = 6.0, -10.0
-"""Largest level of an echo over the brightest echo of the object before it, after one turn and after two. A turn does
-not make an echo brighter, but speckle may. The vertex of a corner, a true object that stands at such a place, is at
-least 16 dB brighter than the edges before it."""
+"""Largest level of an echo over the brightest echo of the object before it, after one turn at a wall and after two. A
+turn does not make an echo brighter, but speckle may. The vertex of a corner, a true object that stands at such a place,
+is at least 16 dB brighter than the edges before it."""
+
+NEARER_CELLS = 1.5
+"""Length, in range cells, by which an object may reach nearer to another than its echoes do: the side that it turns to
+the other is often out of sight."""
+
+BESIDE_CELLS = 5.0
+"""Largest distance of two objects, in range cells: farther away, little of what one spreads meets the other."""
+
+LOBE_CELLS = 1.5
+"""Radius of the main lobe of a bright echo, in resolution cells: fainter echoes in it are a part of that one."""
 
 
 def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
-    """Which object echoes of each chain of mirrors went to and fro between a known object and a known wall, (n,) each.
+    """Which object echoes of each chain of mirrors went to and fro beside a known object, (n,) each.
 
     The known object may be seen by way of other mirrors than the echo. Curved mirrors and walls are not tested.
 
@@ -47,26 +71,90 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
     objects = {node.chain: node.objects for node in found.tree.walk()}
     marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
 
-    stands = np.concatenate([folds[chain](echoes.position) for chain, echoes in objects.items()])
-    level = np.concatenate([_brightest(echoes, view) for echoes in objects.values()])
+    faces = {chain: _face(echoes, view) for chain, echoes in objects.items()}
+    stands = np.concatenate([folds[chain](place) for chain, (place, _) in faces.items()])
+    level = np.concatenate([level for _, level in faces.values()])
+    true = {chain: folds[chain](echoes.position) for chain, echoes in objects.items()}
+    others = _others(true, objects, view)
     flat = {chain: way for chain, way in by_chain.items() if not any(mirror.curved for mirror in way)}
     walls = [true_ends(way) for way in flat.values() if way]
     number = {(): ROOT} | {chain: index for index, chain in enumerate(sight.chain) if chain}
     for chain, way in flat.items():
         place, later, behind = _behind(objects[chain], stands, way, sight, number[chain])
-        for wall in walls:
-            away, beyond = square_distances(stands[place], wall)
-            met = (beyond <= view.cell(objects[chain].range[later])) & (away > RESOLVED_CELLS * view.range_cell)
-            for turn, brighter in enumerate(BRIGHTER_DB, 1):
-                told = met & (np.abs(turn * away - behind) <= EXPECTED_CELLS * view.range_cell)
-                told &= objects[chain].amplitude[later] <= ratio_of(brighter) * level[place]
-                marks[chain][later[told]] = True
+        pairs = _Pairs(
+            stands[place], true[chain][later], behind, level[place],
+            objects[chain].amplitude[later], np.asarray(view.cell(objects[chain].range[later])),
+        )  # fmt: skip
+        for told in _turned_at(walls, pairs, view.range_cell):
+            marks[chain][later[told]] = True
+        peak, beside = _peaks(objects[chain], view), np.zeros(len(objects[chain]), dtype=bool)
+        for told in _turned_beside(others, pairs, view.range_cell):
+            beside[later[told]] = True
+        marks[chain] |= beside[peak]
     return marks
+
+
+class _Pairs(NamedTuple):
+    """Places of objects, each with an echo behind it in the same beam.
+
+    Attributes
+    ----------
+    place, echo : (n, 2) arrays [m]
+        The true place, and that at which the echo would stand.
+    behind : (n,) array [m]
+        How far the echo is behind the place.
+    level, amplitude : (n,) arrays
+        Amplitude of the brightest echo of the object at the place, and of the echo.
+    cell : (n,) array [m]
+        Resolution cell at the echo.
+    """
+
+    place: Array
+    echo: Array
+    behind: Array
+    level: Array
+    amplitude: Array
+    cell: Array
+
+
+def _turned_at(walls: Sequence[Array], pairs: _Pairs, range_cell: float) -> Iterator[Mask]:
+    """Which echoes behind places turned at a wall, (n,), for each wall and number of turns; `walls` holds their ends.
+
+    `range_cell` is in [m].
+    """
+    for wall in walls:
+        away, beyond = square_distances(pairs.place, wall)
+        met = (beyond <= pairs.cell) & (away > RESOLVED_CELLS * range_cell)
+        for turn, brighter in enumerate(BRIGHTER_DB, 1):
+            expected = np.abs(turn * away - pairs.behind) <= EXPECTED_CELLS * range_cell
+            yield met & expected & (pairs.amplitude <= ratio_of(brighter) * pairs.level)
+
+
+def _turned_beside(others: Sequence[tuple[cKDTree, float]], pairs: _Pairs, range_cell: float) -> Iterator[Mask]:
+    """Which echoes behind places turned at another object than their own and that of the place, (n,), for each object.
+
+    Between two objects, which both spread the wave, the echo is weaker than either. `range_cell` is in [m].
+    """
+    for places, brightest in others:
+        away, own = (places.query(place)[0] for place in (pairs.place, pairs.echo))
+        beyond = (away - pairs.behind) / range_cell
+        expected = (beyond >= -EXPECTED_CELLS) & (beyond <= NEARER_CELLS) & (away <= BESIDE_CELLS * range_cell)
+        apart = np.minimum(away, own) > RESOLVED_CELLS * range_cell
+        yield expected & apart & (pairs.amplitude <= np.minimum(pairs.level, brightest))
+
+
+def _others(true: dict[Chain, Array], objects: dict[Chain, Echoes], view: ImageView) -> list[tuple[cKDTree, float]]:
+    """Each object: the true places (n, 2) [m] of its echoes by all chains, and the amplitude of the brightest one."""
+    places = np.concatenate(list(true.values()))
+    amplitude = np.concatenate([echoes.amplitude for echoes in objects.values()])
+    near = cKDTree(places).query_pairs(RESOLVED_CELLS * view.range_cell, output_type="ndarray")
+    number = connected(near, len(places))
+    return [(cKDTree(places[own]), float(amplitude[own].max())) for own in number == np.unique(number)[:, None]]
 
 
 def _behind(
     echoes: Echoes, stands: Array, way: Sequence[Mirror], sight: LinesOfSight, index: int
-) -> tuple[Array, Array, Array]:
+) -> tuple[Index, Index, Array]:
     """Pairs of a true place among `stands` (n, 2) [m] and an echo behind it, (pairs,) each, and how far behind it [m].
 
     The place appears in the image by way of the mirrors `way`, the last of which has the number `index`, in a direction
@@ -85,6 +173,35 @@ def _behind(
     behind = echoes.range[later] - range_[place]
     kept = behind > RESOLVED_CELLS * view.range_cell
     return place[kept], later[kept], behind[kept]
+
+
+def _face(echoes: Echoes, view: ImageView) -> tuple[Array, Array]:
+    """Places of the image on the faces of objects (n, 2) [m], and the brightest amplitude of the object there, (n,).
+
+    These are the places of the echoes, and places at most half a cell apart between neighbours on one face.
+    """
+    level, cells = _brightest(echoes, view), view.in_cells(echoes.position)
+    near = cKDTree(cells).query_pairs(GAP_CELLS, output_type="ndarray")
+    apart = np.linalg.norm(cells[near[:, 0]] - cells[near[:, 1]], axis=1)
+    graph = coo_array((np.maximum(apart, np.finfo(float).tiny), near.T), shape=(len(cells), len(cells)))
+    link = minimum_spanning_tree(graph.tocsr()).tocoo()
+    count = np.maximum(np.ceil(2.0 * link.data).astype(int) - 1, 0)
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
+    share = (step / np.repeat(count + 1, count))[:, None]
+    one, other = np.repeat(link.row, count), np.repeat(link.col, count)
+    between = (1.0 - share) * echoes.position[one] + share * echoes.position[other]
+    return np.concatenate([echoes.position, between]), np.append(level, np.maximum(level[one], level[other]))
+
+
+def _peaks(echoes: Echoes, view: ImageView) -> Index:
+    """The bright echo of which each echo is a part, (n,): the one that is reached by steps to the brightest nearby."""
+    if not len(echoes):
+        return np.empty(0, dtype=np.intp)
+    near = cKDTree(cells := view.in_cells(echoes.position)).query_ball_point(cells, LOBE_CELLS)
+    brightest = np.array([some[np.argmax(echoes.amplitude[some])] for some in near], dtype=np.intp)
+    while not np.array_equal(further := brightest[brightest], brightest):
+        brightest = further
+    return brightest
 
 
 def _brightest(echoes: Echoes, view: ImageView) -> Array:
