@@ -47,7 +47,7 @@ class VolumeSceneFacts(Scan, Described):
 
 def describe_scene(scene: Scene) -> SceneFacts:
     """Facts about a scene in two dimensions, and what its arrays resolve in it."""
-    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
+    radar = scene.array.middle[:2]
     ways = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1) for surface in scene.surface]
     farthest = float(max((way.max() for way in ways), default=0.0))
     nearest = float(min((way.min() for way in ways), default=0.0))

@@ -30,6 +30,7 @@ from mirrorfold.scenes.surfaces import (
     Roughness,
     Segment,
     Surface,
+    check_names,
 )
 
 if TYPE_CHECKING:
@@ -67,10 +68,7 @@ class Scene:
                 permittivity(surface.material, [self.band.start, self.band.stop])
             else:
                 warn_if_extrapolated(surface.material, [self.band.start, self.band.stop])
-        names = [surface.name for surface in self.surface]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+        check_names(self.surface)
 
     def _repr_html_(self) -> str:
         """Picture of the floor plan with the main facts, for notebooks."""

@@ -27,6 +27,7 @@ from mirrorfold.reproducing.parts.point_image import PointImage
 from mirrorfold.reproducing.parts.scenes import plan_scene, random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import draw
+from mirrorfold.scenes.surfaces import surface_named
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -249,7 +250,7 @@ def _folded(sweep: xr.Dataset, pixels: dict[str, Any]) -> dict[str, xr.DataTree]
 
 def _hidden_scores(scene: Scene, reconstructions: dict[str, xr.DataTree]) -> dict[str, float]:
     """Hidden F-scores with and without curved mirrors, and the error of the pillar's curvature."""
-    pillar: Any = next(surface for surface in scene.surface if surface.name == "pillar")
+    pillar = surface_named(scene, "pillar")
     found = {
         f"{name}_f_cells": float(mf.score(folded, scene).hidden.f_score_cells or 0.0)
         for name, folded in reconstructions.items()

@@ -133,7 +133,7 @@ def measure_thickness(
     wall = walls[0]
     sight = np.array([0.0, 1.0, 0.0])
     cosine = float(abs(sight @ wall.normal) / np.linalg.norm(wall.normal))
-    frequency = 0.5 * (scene.band.start + scene.band.stop)
+    frequency = scene.band.middle
     shares = [float(diffuse_share(wall, frequency, np.array([cosine]), inside=inside)[0]) for inside in (False, True)]
     predicted = np.array([_predicted_profile(found[0].mean(axis=0), wall, depth, *shares) for depth in depths])
     cell = HANN_TOLD * speed_of_light / (2.0 * (scene.band.stop - scene.band.start)) * cosine

@@ -18,7 +18,7 @@ from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
 from mirrorfold.scenes.families import Radar, draw
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.surfaces import Roughness
+from mirrorfold.scenes.surfaces import Roughness, surface_named
 
 UNAMBIGUOUS = 5.0
 """Unambiguous range [m]: the farthest ghosts of hidden objects stand at 3.5 m, and echoes of rays end soon after."""
@@ -163,17 +163,17 @@ def judge(setting: Setting, seed: int, **settings: Any) -> Row:
 
 def _length(scene: Scene, name: str) -> float:
     """Length of a surface [m]."""
-    return float(next(s.sample(0.01)[2].sum() for s in scene.surface if s.name == name))
+    return float(surface_named(scene, name).sample(0.01)[2].sum())
 
 
 def _distance(scene: Scene, name: str) -> float:
     """Distance of the middle of a surface from the radar [m]."""
-    return float(np.linalg.norm(next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)))
+    return float(np.linalg.norm(surface_named(scene, name).sample(0.01)[0].mean(axis=0)))
 
 
 def _range(scene: Scene, name: str) -> float:
     """Range of a surface's ghost in wall 2 [m]: the length of the path from the radar by way of this wall."""
-    wall = next(s for s in scene.surface if s.name == "wall 2").pieces(1.0)[0]
+    wall = surface_named(scene, "wall 2").pieces(1.0)[0]
     normal = np.array([wall[0, 1] - wall[1, 1], wall[1, 0] - wall[0, 0]]) / np.linalg.norm(wall[1] - wall[0])
-    middle = next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)
+    middle = surface_named(scene, name).sample(0.01)[0].mean(axis=0)
     return float(np.linalg.norm(middle - 2.0 * ((middle - wall[0]) @ normal) * normal))
