@@ -14,6 +14,7 @@ from scipy.ndimage import median_filter
 
 from mirrorfold.calibration.record import blocks, samples_to_repair, scaled_to_single_precision, with_samples
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
@@ -133,7 +134,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     some = s[np.flatnonzero(~gap)[_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]]
     power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
-    silent = power <= 10.0 ** (DEAD_DB / 10.0) * typical
+    silent = power <= power_ratio_of(DEAD_DB) * typical
     # A beam of a raster scan that meets nothing is rightly silent.
     dead = np.zeros_like(silent) if "azimuth" in sweep["s"].dims else silent
     frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)

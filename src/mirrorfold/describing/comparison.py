@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.arcs import arc_through, mirror_places
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
-from mirrorfold.common.decibels import reference
+from mirrorfold.common.decibels import ratio_of, reference
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
@@ -220,9 +220,9 @@ def find_changes(first: Any, second: Any) -> Changes:
             raise InputError("compare: the two have no pixel in common; focus both on one grid")
         a, b = a.sel(inside), b.interp(inside)
     zero = max(reference(a.values), reference(b.values))
-    floor = zero * 10.0 ** (FLOOR_DB / 20.0)
+    floor = zero * ratio_of(FLOOR_DB)
     with np.errstate(divide="ignore"):
-        difference = 20.0 * np.log10(np.maximum(b, floor) / np.maximum(a, floor))
+        difference = xr.DataArray(20.0 * np.log10(np.maximum(b, floor) / np.maximum(a, floor)))
     difference = difference.where((a > floor) | (b > floor))
     lost, gained = (np.zeros(0, dtype=bool),) * 2
     if isinstance(first, xr.DataTree):

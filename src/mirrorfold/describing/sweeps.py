@@ -13,7 +13,7 @@ from scipy.special import gammaincinv
 
 from mirrorfold.calibration.record import single_precision_scale
 from mirrorfold.common.arguments import boolean
-from mirrorfold.common.decibels import power_decibel
+from mirrorfold.common.decibels import power_decibel, power_ratio_of
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
@@ -243,7 +243,7 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
         both_ways = (measured & measured.T).astype(np.float32)
         difference = _mean_power((part - part.T) * both_ways for frame in s for part in frame) / 2.0
         reciprocity = power_decibel(difference / power)
-        if difference > RECIPROCITY_OVER_NOISE * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:
+        if difference > RECIPROCITY_OVER_NOISE * noise and difference > power_ratio_of(RECIPROCITY_DB) * power:
             remarks.append(
                 "Exchanging transmitter and receiver changes the samples by more than the noise "
                 f"({reciprocity + 0.0:.0f} dB of their power): the sweep is not reciprocal; "

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -112,7 +113,7 @@ def goes_on(gap: LineMirror, view: ImageView) -> bool:
     across = view.extent(places, gap.normal)[:, None] * np.concatenate([-beside, [0.0], beside])
     range_, u = view.to_polar(places[:, None] + across[..., None] * gap.normal)
     power, on_line = view.power_at(range_, u), (range_[:, BESIDE_SAMPLES], u[:, BESIDE_SAMPLES])
-    lobes = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0) * _lobes(*on_line, view)
+    lobes = ratio_of(SIDE_LOBE_MARGIN_DB) * _lobes(*on_line, view)
     power[power[:, BESIDE_SAMPLES] <= lobes**2, BESIDE_SAMPLES] = 0.0
     level = np.log(np.maximum(power, max(SPECKLE_FLOOR * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
     brighter = level[BESIDE_SAMPLES] - max(level[:BESIDE_SAMPLES].mean(), level[-BESIDE_SAMPLES:].mean())

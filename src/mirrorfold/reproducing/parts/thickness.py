@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.decibels import COLOURS, power_ratio_of
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Table
 from mirrorfold.reproducing.parts.raster import (
@@ -197,7 +197,7 @@ def _profile(power: Array) -> xr.DataArray:
 
 def _center(power: Array) -> float:
     """Mean depth [m] of a profile, weighted by its power, without samples more than `TOLD_DB` below the maximum."""
-    weight = np.where(power > 10.0 ** (-TOLD_DB / 10.0) * power.max(), power, 0.0)
+    weight = np.where(power > power_ratio_of(-TOLD_DB) * power.max(), power, 0.0)
     return float((weight * DEPTHS).sum() / weight.sum())
 
 

@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.constants import Boltzmann, speed_of_light
+from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.describing.planning import TEMPERATURE, Instrument
+from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.describing.planning import Instrument, sample_noise, transmitted_power
 from mirrorfold.describing.quality import cell_diagonal
 from mirrorfold.describing.walls import shares
 from mirrorfold.focusing.grid import default_grid
@@ -120,10 +121,9 @@ def noise_power(frequency: float) -> float:
     """
     electronics = Instrument()
     wavelength = speed_of_light / frequency
-    received = 1e-3 * 10.0 ** (0.1 * (electronics.power_dbm + 2.0 * electronics.gain_dbi)) * wavelength**2
+    received = transmitted_power(electronics) * power_ratio_of(2.0 * electronics.gain_dbi) * wavelength**2
     received /= (4.0 * np.pi) ** 2 * 2.0**2
-    noise = Boltzmann * TEMPERATURE * electronics.if_bandwidth * 10.0 ** (0.1 * electronics.noise_figure_db)
-    return float(noise / received / 2.0)
+    return float(sample_noise(electronics) / received / 2.0)
 
 
 def judged(work: Work, setting: Setting, seed: int, **settings: Any) -> Row:
