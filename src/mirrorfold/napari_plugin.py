@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.decibels import COLOURS, decibels
+from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.confident import confident_points
@@ -66,7 +67,7 @@ def read(path: str | list[str]) -> list[Layer]:
     """
     held = load(str(path))
     if isinstance(held, xr.DataArray):
-        if held.dims[-3:] == ("range", "azimuth", "elevation"):
+        if held.dims[-3:] == VOLUME:
             held = plan_view(held)
         return [_picture(held, str(held.attrs.get("title") or "image"))]
     if not isinstance(held, xr.DataTree):
@@ -79,7 +80,7 @@ def read(path: str | list[str]) -> list[Layer]:
 
 def _picture(image: xr.DataArray, name: str, *, visible: bool = True) -> Layer:
     """Levels of a picture [dB], placed in metres."""
-    space = [axis for axis in image.dims if axis in ("z", "y", "x")]
+    space = [axis for axis in image.dims if axis in VOXELS]
     axes = [image[axis].values.astype(float) for axis in space]
     before = image.ndim - len(space)
     keywords: dict[str, Any] = {

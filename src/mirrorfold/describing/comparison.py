@@ -14,6 +14,7 @@ from mirrorfold.common.arcs import arc_through, mirror_places
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.decibels import ratio_of, reference
+from mirrorfold.common.facts import VOLUME
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
@@ -305,7 +306,7 @@ def _picture(obj: Any) -> xr.DataArray:
     """Amplitude (y, x) of an image, or of the corrected picture of a reconstruction."""
     if isinstance(obj, xr.DataTree):
         return obj.dataset["intensity"].astype(float)
-    if obj.dims == ("range", "azimuth", "elevation"):
+    if obj.dims == VOLUME:
         obj = plan_view(obj)
     picture = np.abs(obj).astype(float)
     return picture.max("z") if "z" in picture.dims else picture

@@ -28,6 +28,7 @@ from mirrorfold.detection.search.fit import (
     kink_residual,
     power_centroids,
     robust_weights,
+    weighted_fit,
 )
 from mirrorfold.detection.search.growing import CLIP, drawn
 from mirrorfold.detection.search.joined import fitted_together
@@ -122,8 +123,7 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
         beside = away - radius
         _, trust = robust_weights(beside, weight, np.finfo(float).eps * radius)
         design = np.column_stack([offset / away[:, None], np.ones(len(points))])
-        root = np.sqrt(trust)
-        step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
+        step = weighted_fit(design, beside, trust)
         middle, radius = middle + step[:2], radius + float(step[2])
     return middle, radius, trust
 

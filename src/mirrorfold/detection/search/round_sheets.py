@@ -21,7 +21,7 @@ from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.arcs import BULGE_CELLS, LARGEST_CELLS, REACH_CELLS, SIGNIFICANT, SMALLEST_CELLS
-from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, robust_weights
+from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, robust_weights, weighted_fit
 from mirrorfold.detection.search.growing import CLIP, NEAR, drawn
 from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet
 from mirrorfold.detection.views.view import DEVIATION
@@ -97,8 +97,7 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
         design = np.column_stack([flat, np.ones(len(points))])
         if cylinder:
             design = np.column_stack([design, shape.along(points)[:, None] * flat])
-        root = np.sqrt(trust)
-        step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
+        step = weighted_fit(design, beside, trust)
         count = len(base)
         middle, radius = shape.middle + step[:count] @ base, shape.radius + float(step[count])
         axis = unit(shape.axis + step[count + 1 :] @ base) if cylinder else shape.axis

@@ -187,6 +187,6 @@ def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, cle
     """Share of the line, between two positions [m] along it, that lies in view, and that no object hides and no echo
     from elsewhere blurs.
     """
-    places = mirror.start + np.linspace(before, after, SAMPLES)[:, None] * mirror.direction
+    places = mirror.at(np.linspace(before, after, SAMPLES))
     range_, direction, inside = view.locate(places)
     return float(np.mean(inside & ~view.near_misplaced(places) & clear(range_, direction, mirror.strength)))

@@ -12,7 +12,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.facts import radar_place
+from mirrorfold.common.facts import VOLUME, radar_place
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import WINDOWS, cell_of, hann, side_lobe_envelope
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
@@ -198,7 +198,7 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     InputError
         If the volume cannot be used.
     """
-    check_samples(volume, ("range", "azimuth", "elevation"))
+    check_samples(volume, VOLUME)
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     angle_table(azimuth)
     amplitude = magnitudes(beams_of(volume))

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import to_db
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import reflect, unit
 from mirrorfold.common.types import Array
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
@@ -136,8 +136,7 @@ def _normal() -> Array:
 
 def _outgoing() -> Array:
     """Unit vector along the last leg of the path, from the mirror to the point."""
-    way, normal = unit(HIT), _normal()
-    return np.asarray(way - 2.0 * (way @ normal) * normal)
+    return reflect(unit(HIT), 0.0, _normal())
 
 
 def _scene(radius: float, target: Array, *, points: int) -> Scene:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.geometry import reflect_each, segment_normal
 from mirrorfold.common.types import Array
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
@@ -136,8 +136,8 @@ def perturbed(line: Array, pivot: Array, angle: Array | float, offset: Array | f
 def folded(place: Array, lines: Sequence[Array]) -> Array:
     """A place of the image, reflected at mirrors of the image (..., 2, 2) [m], at the last mirror first."""
     for line in reversed(lines):
-        normal = segment_normal(line[..., 0, :], line[..., 1, :])
-        place = place - 2.0 * np.sum((place - line[..., 0, :]) * normal, axis=-1, keepdims=True) * normal
+        start, end = line[..., 0, :], line[..., 1, :]
+        place = reflect_each(place, start, segment_normal(start, end))
     return place
 
 

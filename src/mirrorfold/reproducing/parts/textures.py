@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.geometry import reflect
 from mirrorfold.plotting.volumes import FEWEST
 from mirrorfold.reproducing.parts import bodies
 from mirrorfold.reproducing.parts.bodies import Folded
@@ -56,9 +57,7 @@ def predicted_db(scene: Scene3D, body: Folded) -> float:
     """
     frequency, means = scene.band.middle, []
     mirror = surface_named(scene, MIRROR)
-    center, normal = mirror.frame.shift, mirror.frame.linear[:, 1]
-    radar = np.array(scene.scanner.origin)
-    radar = radar - 2.0 * ((radar - center) @ normal) * normal
+    radar = reflect(scene.scanner.origin, mirror.frame.shift, mirror.frame.linear[:, 1])
     known = body.known
     for name in (BOX, BEHIND):
         finish = surface_named(scene, name)

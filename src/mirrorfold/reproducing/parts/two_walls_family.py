@@ -10,6 +10,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.describing.planning import Instrument, sample_noise, transmitted_power
 from mirrorfold.describing.quality import cell_diagonal
 from mirrorfold.describing.walls import shares
@@ -174,6 +175,5 @@ def _distance(scene: Scene, name: str) -> float:
 def _range(scene: Scene, name: str) -> float:
     """Range of a surface's ghost in wall 2 [m]: the length of the path from the radar by way of this wall."""
     wall = surface_named(scene, "wall 2").pieces(1.0)[0]
-    normal = np.array([wall[0, 1] - wall[1, 1], wall[1, 0] - wall[0, 0]]) / np.linalg.norm(wall[1] - wall[0])
     middle = surface_named(scene, name).sample(0.01)[0].mean(axis=0)
-    return float(np.linalg.norm(middle - 2.0 * ((middle - wall[0]) @ normal) * normal))
+    return float(np.linalg.norm(reflect(middle, wall[0], segment_normal(*wall))))

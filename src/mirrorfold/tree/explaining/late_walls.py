@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.search.lines import SMALLEST_FILL
@@ -105,5 +105,5 @@ def met_in_turn(view: ImageView, first: Array, second: Array, farthest: float) -
         if np.isnan(range_).all():
             break
         met.append(range_)
-        sight = sight - 2.0 * (sight @ normal)[:, None] * normal
+        sight = reflect(sight, 0.0, normal)
     return np.reshape(met, (len(met), len(view.sight)))
