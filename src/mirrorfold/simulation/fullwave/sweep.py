@@ -42,15 +42,15 @@ SEARCH_STEPS = 800
 def fullwave_field(
     scene: Scene,
     *,
-    tolerance: float = 1e-3,
-    seed: int = 0,
-    direct: bool = False,
-    check_residual: bool = False,
-    workers: int = 1,
-    scheduler: str | None = None,
-    checkpoint: Path | None = None,
-    resume: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    tolerance: float,
+    seed: int,
+    direct: bool,
+    check_residual: bool,
+    workers: int,
+    scheduler: str | None,
+    checkpoint: Path | None,
+    resume: bool,
+    progress: Callable[[int, int], None] | None,
 ) -> tuple[Complex, dict[str, float]]:
     """The field at each receiver for each transmitter, whose own far field is ``exp(-j k d) / sqrt(d)``.
 
@@ -123,7 +123,7 @@ def fullwave_field(
     return s, facts
 
 
-def estimate_sweep(scene: Scene, *, tolerance: float = 1e-3, seed: int = 0) -> Estimate:
+def estimate_sweep(scene: Scene, *, tolerance: float, seed: int) -> Estimate:
     """Estimate the cost of the full-wave sweep of a scene. This takes as long as the preparation of the sweep.
 
     Parameters
