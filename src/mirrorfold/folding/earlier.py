@@ -29,7 +29,7 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     InputError
         If the tree is no Reconstruction.
     """
-    _check_groups(reconstruction)
+    check_groups(reconstruction, "initial", "objects", "mirrors")
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)
     vertices = np.column_stack([np.ravel(reconstruction.attrs.get(f"corner_{axis}", ())) for axis in "xy"])
@@ -91,7 +91,7 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
     InputError
         If the tree is no Reconstruction, or the Reconstruction is that of a volume.
     """
-    _check_groups(reconstruction)
+    check_groups(reconstruction, "initial", "objects", "mirrors")
     if "initial" not in reconstruction.children["initial"].data_vars:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
     if "z" in reconstruction.children["objects"].variables:
@@ -109,8 +109,13 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
     return image.assign_attrs(known | {"normalization": str(attrs.get("fold_normalization", "r"))})
 
 
-def _check_groups(reconstruction: xr.DataTree) -> None:
-    """Refuse a tree that lacks one of the groups of a Reconstruction."""
-    for group in ("initial", "objects", "mirrors"):
+def check_groups(reconstruction: xr.DataTree, *groups: str) -> None:
+    """Refuse a tree that lacks one of these groups of a Reconstruction.
+
+    Raises
+    ------
+    InputError
+    """
+    for group in groups:
         if group not in reconstruction.children:
             raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")

@@ -31,6 +31,7 @@ from mirrorfold.reproducing.parts.hall import (
     unfolding,
 )
 from mirrorfold.reproducing.parts.pixels import pixels_within
+from mirrorfold.reproducing.parts.spread import standard_error
 from mirrorfold.reproducing.parts.stated import stated_errors
 from mirrorfold.reproducing.parts.two_walls_family import VIEW
 from mirrorfold.reproducing.work import Work
@@ -300,9 +301,9 @@ def _mirror_table(moved: xr.Dataset) -> Table:
             rows.append([
                 f"{angle:g} degree" if angle else f"{1e3 * offset:g} mm", LABELS[folds],
                 f"{float(np.sqrt((one['way'] ** 2).mean())):.2f}",
-                f"{1e3 * float(one['measured'].mean()):.2f} +- {1e3 * _standard_error(one['measured'].values):.2f}",
+                f"{1e3 * float(one['measured'].mean()):.2f} +- {1e3 * standard_error(one['measured'].values):.2f}",
                 f"{1e3 * float(one['propagated'].mean()):.2f}",
-                f"{ratio.mean():.3f} +- {_standard_error(ratio):.3f}",
+                f"{ratio.mean():.3f} +- {standard_error(ratio):.3f}",
             ])  # fmt: skip
     columns = ["error of each mirror", "folds", "from mirror to target [m]", "points are off [mm]",
                "propagated [mm]", "ratio"]  # fmt: skip
@@ -351,10 +352,6 @@ def _stated_table(stated: dict[str, Array]) -> Table:
 
 def _stated_data(stated: dict[str, Array]) -> xr.Dataset:
     return xr.Dataset({name: (f"{name}_number", values, {"units": "1"}) for name, values in stated.items()})
-
-
-def _standard_error(values: Array) -> float:
-    return float(values.std(ddof=1) / np.sqrt(values.size)) if values.size > 1 else float("nan")
 
 
 def _mirror_figure(moved: xr.Dataset) -> Figure:
