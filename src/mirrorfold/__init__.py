@@ -13,6 +13,7 @@ Nothing heavy is imported before it is used.
 
 from __future__ import annotations
 
+import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -143,9 +144,7 @@ def load_ipython_extension(shell: Any) -> None:
     """
 
     def show(tree: Any) -> str:
-        from mirrorfold.viewing.notebook import to_html
-
-        return to_html(tree)
+        return importlib.import_module("mirrorfold.viewing.notebook").to_html(tree)
 
     shell.display_formatter.formatters["text/html"].for_type_by_name("xarray.core.datatree", "DataTree", show)
 
