@@ -15,6 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.decibels import COLOURS, decibels
 from mirrorfold.common.facts import VOLUME, VOXELS
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.confident import confident_points
@@ -85,7 +86,7 @@ def _picture(image: xr.DataArray, name: str, *, visible: bool = True) -> Layer:
     before = image.ndim - len(space)
     keywords: dict[str, Any] = {
         "name": name,
-        "scale": [1.0] * before + [float(np.diff(axis).mean()) if axis.size > 1 else 1.0 for axis in axes],
+        "scale": [1.0] * before + [mean_step(axis) or 1.0 for axis in axes],
         "translate": [0.0] * before + [float(axis[0]) for axis in axes],
         "colormap": "gray_r",
         "contrast_limits": (FLOOR_DB, 0.0),

@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 from mirrorfold.calibration.record import blocks, samples_to_repair, scaled_to_single_precision, with_samples
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
@@ -270,7 +271,7 @@ def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], silent: NDArr
     level = 10.0 * np.log10(np.maximum(power, smallest))
     level[gap] = np.median(level[~gap])
     deviation = np.abs(level - median_filter(level, NEIGHBOURS, mode="nearest"))
-    spread = 1.4826 * float(np.median(np.abs(deviation[~gap])))
+    spread = robust_deviation(deviation[~gap])
     found = ~gap & (deviation > max(SPUR_DB, SPUR_DEVIATIONS * spread))
     return found if found.mean() <= LARGEST_BAD_SHARE else np.zeros_like(found)
 

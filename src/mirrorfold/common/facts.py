@@ -108,6 +108,11 @@ def radar_place(attrs: Mapping[Any, Any]) -> Array:
     return np.append(given, np.zeros(3 - given.size))
 
 
+def recorded_radar(attrs: Mapping[Any, Any]) -> Array:
+    """Position (3,) [m] of the radar in the attributes of a reconstruction; zero where they do not say."""
+    return np.array([float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"])
+
+
 def resolving_aperture(attrs: Mapping[Any, Any], prefix: str = "") -> float:
     """Length [m] of the aperture that resolves directions, in attributes with a prefix as for `check_facts`.
 

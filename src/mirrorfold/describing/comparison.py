@@ -14,7 +14,7 @@ from mirrorfold.common.arcs import arc_through, mirror_places
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.decibels import ratio_of, reference
-from mirrorfold.common.facts import VOLUME
+from mirrorfold.common.facts import VOLUME, recorded_radar
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
@@ -337,8 +337,7 @@ def _places(reconstruction: xr.DataTree, suffix: str = "") -> Array:
 def _reach(reconstruction: xr.DataTree) -> Array:
     """Path length from the radar to each point, (n,) [m]: its distance before folding, which folding preserves."""
     initial = _places(reconstruction, "_initial")
-    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"[: initial.shape[1]]]
-    return np.asarray(np.linalg.norm(initial - radar, axis=1))
+    return np.asarray(np.linalg.norm(initial - recorded_radar(reconstruction.attrs)[: initial.shape[1]], axis=1))
 
 
 def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:

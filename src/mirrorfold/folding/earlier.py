@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.facts import radar_place
+from mirrorfold.common.facts import radar_place, recorded_radar
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection import ImageView
 from mirrorfold.errors import InputError
@@ -102,7 +102,7 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
         image = image.copy(data=image.values * np.exp(1j * held["phase"].values).astype(np.complex64))
     attrs = {str(name): value for name, value in reconstruction.attrs.items()}
     known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
-    known = {"radar_position": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]} | known
+    known = {"radar_position": recorded_radar(attrs).tolist()} | known
     # Files of earlier versions do not tell the height; it was mostly that of the radar.
     if height := known.pop("z", radar_place(known)[2]):
         image = image.assign_coords(z=float(height))

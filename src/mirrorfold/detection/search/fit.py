@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
@@ -28,9 +29,6 @@ ROUNDS = 3
 BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
 """Size of a block of a mirror in resolution cells, so large that the speckle of neighbouring blocks is nearly
 independent; and least number of blocks along a direction, from whose differences the standard errors follow."""
-
-SIGMA_PER_MEDIAN = 1.4826
-"""Standard deviation of normally distributed errors over the median of their absolute values."""
 
 KINKS = 13
 """Number of places at which a kink is tried."""
@@ -98,7 +96,7 @@ def robust_weights(beside: Array, weight: Array, least: float) -> tuple[float, A
 
     The deviation follows from the median of the absolute distances; `least` [m] keeps that of a perfect fit above zero.
     """
-    deviation = SIGMA_PER_MEDIAN * float(np.median(np.abs(beside))) + least
+    deviation = robust_deviation(beside) + least
     return deviation, weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
 
 
