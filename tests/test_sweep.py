@@ -137,6 +137,15 @@ def test_the_other_time_convention_is_conjugated(sweep):
     assert_array_equal(converted["s"].values, sweep["s"].values)
 
 
+def test_conjugated_samples_stay_where_frequencies_lose_their_rounding(sweep):
+    """Most of them became NaN, as the frequencies of the sweep were no longer theirs."""
+    rough = sweep.assign_coords(frequency=sweep["frequency"].astype(np.float32))
+    other = rough.assign(s=np.conj(rough["s"])).assign_attrs(time_convention="exp(-jwt)")
+    converted = check_sweep(other)
+    assert_array_equal(converted["s"].values, sweep["s"].values)
+    assert_array_equal(converted["frequency"], check_sweep(rough)["frequency"])
+
+
 def test_what_a_band_resolves(sweep):
     assert frequency_step(sweep) == pytest.approx(250e6)
     assert ambiguous_range(sweep) == pytest.approx(0.59958492)

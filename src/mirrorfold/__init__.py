@@ -17,6 +17,8 @@ import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
+from mirrorfold.common.lazy import lazy
+
 if TYPE_CHECKING:
     from mirrorfold import calibration as calibrate
     from mirrorfold import plotting as plot
@@ -55,49 +57,6 @@ try:
     from mirrorfold._version import __version__ as __version__  # written when the package is built or installed
 except ImportError:  # the bare sources
     __version__ = "0.0.0"
-
-_HOME = {
-    "FocusOperator": "focusing",
-    "FocusPlan": "focusing",
-    "FoldPlan": "reconstruction",
-    "InputError": "errors",
-    "Scene": "scenes.floor_plan",
-    "Scene3D": "scenes.solids",
-    "add_noise": "sweep",
-    "benchmark": "benchmarking",
-    "check_sweep": "sweep",
-    "compare": "describing.comparison",
-    "export": "io.exports.results",
-    "focus": "focusing",
-    "fold": "reconstruction",
-    "import_data": "io.importing",
-    "import_image": "io.images",
-    "info": "describing.info",
-    "join_polarizations": "sweep",
-    "load": "io",
-    "load_scene": "scenes.floor_plan",
-    "make_monostatic_sweep": "sweep",
-    "make_raster_sweep": "sweep",
-    "make_sweep": "sweep",
-    "near_field": "simulation.fullwave.near_field",
-    "parse_scene": "scenes.floor_plan",
-    "pick_frame": "folding.frames",
-    "plan": "describing.planning",
-    "plan_view": "focusing",
-    "reconstruct": "reconstruction",
-    "report": "reporting",
-    "reproduce": "reproducing",
-    "save": "io",
-    "save_touchstone": "io.exports.scan_folder",
-    "score": "scoring.score",
-    "simulate": "simulation",
-    "to_voxels": "focusing",
-    "view": "viewing",
-}
-"""The module that each name of the flat face comes from."""
-
-_MODULES = {"calibrate": "calibration", "plot": "plotting", "plot_volume": "plotting.volumes"}
-"""Modules of the flat face, by the names that they have there."""
 
 __all__ = [  # noqa: RUF022  in the order of the work
     "load",
@@ -141,20 +100,41 @@ __all__ = [  # noqa: RUF022  in the order of the work
     "InputError",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Import what is asked for, once."""
-    if name in _MODULES:
-        return importlib.import_module(f"mirrorfold.{_MODULES[name]}")
-    if name not in _HOME:
-        raise AttributeError(f"module 'mirrorfold' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"mirrorfold.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "benchmarking": ("benchmark",),
+        "describing.comparison": ("compare",),
+        "describing.info": ("info",),
+        "describing.planning": ("plan",),
+        "errors": ("InputError",),
+        "focusing": ("FocusOperator", "FocusPlan", "focus", "plan_view", "to_voxels"),
+        "folding.frames": ("pick_frame",),
+        "io": ("load", "save"),
+        "io.exports.results": ("export",),
+        "io.exports.scan_folder": ("save_touchstone",),
+        "io.images": ("import_image",),
+        "io.importing": ("import_data",),
+        "reconstruction": ("FoldPlan", "fold", "reconstruct"),
+        "reporting": ("report",),
+        "reproducing": ("reproduce",),
+        "scenes.floor_plan": ("Scene", "load_scene", "parse_scene"),
+        "scenes.solids": ("Scene3D",),
+        "scoring.score": ("score",),
+        "simulation": ("simulate",),
+        "simulation.fullwave.near_field": ("near_field",),
+        "sweep": (
+            "add_noise",
+            "check_sweep",
+            "join_polarizations",
+            "make_monostatic_sweep",
+            "make_raster_sweep",
+            "make_sweep",
+        ),
+        "viewing": ("view",),
+    },
+    {"calibrate": "calibration", "plot": "plotting", "plot_volume": "plotting.volumes"},
+)
 
 
 def load_ipython_extension(shell: Any) -> None:

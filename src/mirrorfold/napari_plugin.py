@@ -14,6 +14,8 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.decibels import COLOURS, decibels
+from mirrorfold.common.facts import VOLUME, VOXELS
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.gridding import plan_view
 from mirrorfold.folding.confident import confident_points
@@ -66,7 +68,7 @@ def read(path: str | list[str]) -> list[Layer]:
     """
     held = load(str(path))
     if isinstance(held, xr.DataArray):
-        if held.dims[-3:] == ("range", "azimuth", "elevation"):
+        if held.dims[-3:] == VOLUME:
             held = plan_view(held)
         return [_picture(held, str(held.attrs.get("title") or "image"))]
     if not isinstance(held, xr.DataTree):
@@ -79,12 +81,12 @@ def read(path: str | list[str]) -> list[Layer]:
 
 def _picture(image: xr.DataArray, name: str, *, visible: bool = True) -> Layer:
     """Levels of a picture [dB], placed in metres."""
-    space = [axis for axis in image.dims if axis in ("z", "y", "x")]
+    space = [axis for axis in image.dims if axis in VOXELS]
     axes = [image[axis].values.astype(float) for axis in space]
     before = image.ndim - len(space)
     keywords: dict[str, Any] = {
         "name": name,
-        "scale": [1.0] * before + [float(np.diff(axis).mean()) if axis.size > 1 else 1.0 for axis in axes],
+        "scale": [1.0] * before + [mean_step(axis) or 1.0 for axis in axes],
         "translate": [0.0] * before + [float(axis[0]) for axis in axes],
         "colormap": "gray_r",
         "contrast_limits": (FLOOR_DB, 0.0),

@@ -10,11 +10,12 @@ import subprocess
 import sys
 from typing import Literal
 
+import numpy as np
 import pydantic
 import pytest
 
 from mirrorfold.cli.schema import RecordSchema, describe_fields, parts
-from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
+from mirrorfold.common.records import LEFT_OUT, Number, Record, fact, finite
 
 
 class Echo(Record):
@@ -111,6 +112,12 @@ def test_the_schema_holds_json_to_it():
     for change in ({"more": 1}, {"kind": "other"}, {"valid": "yes"}, {"echoes": [{"range_m": -1.0, "level_db": None}]}):
         with pytest.raises(pydantic.ValidationError):
             pydantic.TypeAdapter(Echoes).validate_json(json.dumps({**FOUND, **change}))
+
+
+@pytest.mark.parametrize("kind", [float, np.float32, np.float64])
+def test_numbers_that_json_cannot_hold_become_null(kind):
+    found = {1: (kind("nan"), [kind("inf"), kind(0.5)]), "row": np.array([kind("-inf"), kind(2.0)]), "n": np.int64(3)}
+    assert json.dumps(finite(found), allow_nan=False) == '{"1": [null, [null, 0.5]], "row": [null, 2.0], "n": 3}'
 
 
 def test_no_fact_has_the_name_of_what_dicts_can_do():

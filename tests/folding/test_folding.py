@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
+from seen_scenes import nearest
 from synthetic import diffuse, radar_image, together
 
 import mirrorfold as mf
@@ -46,10 +47,6 @@ def places(objects, suffix=""):
 
 def line(mirrors, i, prefix=""):
     return np.array([[float(mirrors[f"{prefix}{axis}{end}"][i]) for axis in "xy"] for end in "01"])
-
-
-def nearest(points, truth):
-    return np.linalg.norm(points[:, None] - truth, axis=-1).min(axis=1)
 
 
 def test_what_was_seen_in_the_wall_comes_out_in_front_of_it(folded):

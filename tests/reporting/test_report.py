@@ -195,8 +195,8 @@ def test_text_is_readable_on_its_ground_in_both_themes():
         linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
         return float(linear @ [0.2126, 0.7152, 0.0722])
 
-    blocks = re.findall(r":root[^{]*\{([^}]*)\}", _asset("page.css"))
-    for block in blocks[:2]:
+    light_block, dark_block, *_ = re.findall(r":root[^{]*\{([^}]*)\}", _asset("page.css"))
+    for block in (light_block, dark_block):
         colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6})", block))
         for text in ("ink", "soft", "accent"):
             for ground in ("paper", "card", "stage"):

@@ -41,7 +41,9 @@ def test_the_words_of_the_tree_fit_their_boxes(reconstruction, tmp_path, chromiu
     path = tmp_path / "many.html"
     path.write_text(to_html(document, title="many"))
     with opened(chromium, path.as_uri()) as page:
-        for node in page.locator(".tree .node").all():
+        nodes = page.locator(".tree .node").all()
+        assert len(nodes) == 1 + reconstruction["mirrors"].sizes["mirror"]
+        for node in nodes:
             pill, more, what = (
                 node.locator(part).evaluate("(part) => { const { x, width } = part.getBBox(); return [x, x + width]; }")
                 for part in (".pill", ".more", ".what")

@@ -12,7 +12,7 @@ from mirrorfold.errors import InputError
 from mirrorfold.scenes.arrays import LinearArray
 from mirrorfold.scenes.families import RADARS, draw, radars_of, waves
 from mirrorfold.scenes.families.waves import FAMILIES, HIDDEN, fitting
-from mirrorfold.scenes.visibility import farthest_range, visible_truth
+from mirrorfold.scenes.visibility import visible_truth
 from mirrorfold.simulation import estimate
 from mirrorfold.simulation.fullwave.contours import contours, outline_length
 from mirrorfold.simulation.fullwave.discretisation import discretise
@@ -42,7 +42,7 @@ def test_scenes_are_hidden_shown_and_as_large_as_they_say(family, seed):
     scene = draw(family, seed)
     assert 10_000 < unknowns(scene) < 12_500
     share = 0.9 if "wrapped" in family.name else 5.5
-    assert share * unit(scene) < farthest_range(scene.band)
+    assert share * unit(scene) < scene.band.ambiguous_range
     places = scene.array.tx_position[:, :2]
     hidden = [surface for surface in scene.surface if surface.name.startswith(HIDDEN)]
     assert hidden

@@ -148,10 +148,12 @@ def _tasks(
             raise InputError(
                 f"seeds holds {in_message(number)}, expected whole numbers of at least 0, such as range(10)"
             )
+    first_of_name: dict[str, Family] = {}
+    for family in chosen:
+        first_of_name.setdefault(family.name, family)
     tasks = [
         Task(family, radar, seed, names)
-        for family in dict.fromkeys(family.name for family in chosen)
-        for family in [next(one for one in chosen if one.name == family)]
+        for family in first_of_name.values()
         for radar, seed in product(_radars(family, seen_by), numbers)
     ]
     if not tasks or not names:

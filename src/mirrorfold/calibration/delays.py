@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.record import blocks
+from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.common.types import Array, Complex
 from mirrorfold.common.windows import hann
 from mirrorfold.errors import InputError
@@ -233,7 +234,7 @@ def _pair_weights(misfit: Array, strength: Array) -> Array:
     usable = strength > 0
     if not usable.any():
         raise InputError("the sweep is silent at the reflector's range; check its place")
-    scale = 1.4826 * float(np.median(np.abs(misfit[usable]))) + np.finfo(float).tiny
+    scale = robust_deviation(misfit[usable]) + np.finfo(float).tiny
     excess = np.clip(np.abs(misfit) / (MISFIT * scale), 1.0, LARGEST_EXCESS)
     return np.where(usable, 1.0 / excess**2, 1.0 / LARGEST_EXCESS**2)
 
@@ -248,7 +249,7 @@ def _coherence_weights(left: Complex, gain: Complex) -> Array:
         ratio = np.where(expected > 0, left / gain, 0.0)
     middle = np.median(ratio.real) + 1j * np.median(ratio.imag)
     misfit = np.abs(ratio - middle)
-    scale = 1.4826 * float(np.median(misfit)) + np.finfo(float).tiny
+    scale = robust_deviation(misfit) + np.finfo(float).tiny
     excess = np.clip(misfit / (MISFIT * scale), 1.0, LARGEST_EXCESS)
     return np.asarray(1.0 / excess**2)
 
@@ -291,7 +292,7 @@ def _refine_by_carrier(delay: Array, gain: Complex, valid: NDArray[np.bool_], ce
     for _ in range(3):  # a few outliers shift the circular mean, but not the median
         middle = float(np.median(phase[valid]))
         phase, common = np.angle(np.exp(1j * (phase - middle))), common + middle
-    spread = 1.4826 * float(np.median(np.abs(phase[valid])))
+    spread = robust_deviation(phase[valid])
     if spread > LARGEST_PHASE_SPREAD:
         return delay, gain * np.exp(-1j * common)
     phase -= float(phase[valid].mean())  # the mean delay stays: the phase does not tell it

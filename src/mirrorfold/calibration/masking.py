@@ -14,6 +14,8 @@ from scipy.ndimage import median_filter
 
 from mirrorfold.calibration.record import blocks, samples_to_repair, scaled_to_single_precision, with_samples
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.errors import InputError
 
 DEAD_DB = -40.0
@@ -133,7 +135,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     some = s[np.flatnonzero(~gap)[_spread(count - np.count_nonzero(gap), ENOUGH["frequencies"])]]
     power = np.median(np.abs(some) ** 2, axis=0) if len(some) else np.zeros(s.shape[1:])
     typical = float(np.median(power[power > 0])) if (power > 0).any() else 0.0
-    silent = power <= 10.0 ** (DEAD_DB / 10.0) * typical
+    silent = power <= power_ratio_of(DEAD_DB) * typical
     # A beam of a raster scan that meets nothing is rightly silent.
     dead = np.zeros_like(silent) if "azimuth" in sweep["s"].dims else silent
     frames = math.prod(sweep.sizes[name] for name in sweep["s"].dims if name not in CHANNEL_DIMENSIONS)
@@ -269,7 +271,7 @@ def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], silent: NDArr
     level = 10.0 * np.log10(np.maximum(power, smallest))
     level[gap] = np.median(level[~gap])
     deviation = np.abs(level - median_filter(level, NEIGHBOURS, mode="nearest"))
-    spread = 1.4826 * float(np.median(np.abs(deviation[~gap])))
+    spread = robust_deviation(deviation[~gap])
     found = ~gap & (deviation > max(SPUR_DB, SPUR_DEVIATIONS * spread))
     return found if found.mean() <= LARGEST_BAD_SHARE else np.zeros_like(found)
 

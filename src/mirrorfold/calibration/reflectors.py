@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import number
-from mirrorfold.common.geometry import place
+from mirrorfold.common.geometry import place, reflect, unit
 from mirrorfold.common.plausible import reach, shorter_unit
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -56,8 +56,7 @@ def plate_paths(tx: Array, rx: Array, point: ArrayLike, normal: ArrayLike) -> Ar
     through, direction = place(point, "at"), place(normal, "normal")
     if not np.linalg.norm(direction) > 0:
         raise InputError("normal is zero, expected a direction, for example (0, -1)")
-    direction = direction / np.linalg.norm(direction)
-    image = tx - 2.0 * ((tx - through) @ direction)[:, None] * direction
+    image = reflect(tx, through, unit(direction))
     return np.asarray(np.linalg.norm(image[:, None] - rx[None], axis=-1))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 import mirrorfold as mf
+from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.errors import InputError
 from mirrorfold.folding.frames import frame_count
@@ -69,9 +70,9 @@ def _image(image: xr.DataArray, truth: Any, floor_db: float, source: str) -> Any
     """The axes with an image, or with the plan view of a volume, and with the true scene if it is given."""
     image = first_polarization(image)
     normalization, radar = "r", (0.0, 0.0)
-    if image.dims == ("range", "azimuth", "elevation"):
+    if image.dims == VOLUME:
         image, normalization = mf.plan_view(image), "none"
-    elif image.dims == ("z", "y", "x"):
+    elif image.dims == VOXELS:
         image, normalization = abs(image).max("z"), "none"
     else:
         place = image.attrs.get("radar_position", radar)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,11 +24,6 @@ PICTURE, RECONSTRUCTION = "before_after.png", "reconstruction.nc"
 BODY, SPACE = "body.png", "space.png"
 REPORT, FRAMES = "report.html", "frames.png"
 """Names of the files of a reconstruction."""
-
-
-def available_cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def read(path: Path, *expected: str) -> Any:

@@ -18,7 +18,6 @@ from mirrorfold.cli.results import (
     RECONSTRUCTION,
     REPORT,
     SPACE,
-    available_cores,
     write_json,
     write_results,
 )
@@ -161,7 +160,9 @@ def simulate(
     """
     truth = mf.load_scene(scene)
     if solver == "fullwave" and workers is None:
-        workers = available_cores()
+        from mirrorfold.common.threads import cpu_count
+
+        workers = cpu_count()
     if dry_run:
         from mirrorfold.simulation import estimate
 

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from mirrorfold.cli import note
+from mirrorfold.common.records import finite
 from mirrorfold.errors import printable
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def show_result(found: Record, files: Sequence[Path], show: Callable[[Any], None
 
 def to_json(result: Mapping[str, Any]) -> str:
     """The text of one JSON object; numbers that are not finite become null."""
-    return json.dumps(_finite(result), indent=2)
+    return json.dumps(finite(result), indent=2)
 
 
 def show_files(files: Iterable[Any]) -> None:
@@ -301,19 +302,6 @@ def duration(seconds: float) -> str:
 def number(value: float | None, form: str, scale: float = 1.0) -> str:
     """A number as text, multiplied by `scale`; a dash if it is None or not finite."""
     return "-" if value is None or not math.isfinite(value) else format(value * scale, form)
-
-
-def _finite(value: Any) -> Any:
-    """The value in plain Python types, with None in place of numbers that are not finite, which JSON cannot hold."""
-    if isinstance(value, dict):
-        return {str(name): _finite(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if hasattr(value, "tolist"):  # NumPy scalars and arrays
-        return _finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def table_of(title: str) -> CleanTable:

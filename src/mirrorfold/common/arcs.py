@@ -21,7 +21,7 @@ def circle_through(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
     """Center (n, 2) and radius (n,) of the circles through three points each; infinite where these lie on a line."""
     b, c = b - a, c - a
     with np.errstate(divide="ignore", invalid="ignore"):
-        double = 2.0 * (b[:, 0] * c[:, 1] - b[:, 1] * c[:, 0])
+        double = 2.0 * cross2(b, c)
         bb, cc = np.sum(b * b, axis=1), np.sum(c * c, axis=1)
         middle = np.stack([c[:, 1] * bb - b[:, 1] * cc, b[:, 0] * cc - c[:, 0] * bb], axis=1) / double[:, None]
     return a + middle, np.linalg.norm(middle, axis=1)

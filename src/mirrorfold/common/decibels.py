@@ -49,6 +49,11 @@ def ratio_of(db: Level) -> Level:
     return 10.0 ** (db / 20.0)
 
 
+def power_ratio_of(db: Level) -> Level:
+    """The ratio of powers that decibels stand for, ``10^(db / 10)``."""
+    return 10.0 ** (db / 10.0)
+
+
 def power_decibel(power: float) -> float | None:
     """``10 log10`` of a ratio of powers; None where there is no power."""
     return 10.0 * float(np.log10(power)) if power > 0 else None

@@ -16,6 +16,9 @@ from mirrorfold.common.types import Array
 from mirrorfold.common.units import SLOWEST, other_unit
 from mirrorfold.errors import InputError
 
+VOLUME, VOXELS = ("range", "azimuth", "elevation"), ("z", "y", "x")
+"""Dimensions of the volume of a raster scan, and of voxels."""
+
 MEASURED = {
     "wave_speed": SLOWEST,
     **dict.fromkeys(("frequency_start", "frequency_stop"), 1e-3),
@@ -29,7 +32,6 @@ MAY_BE_INFINITE = ("range_resolution", "ambiguous_range")
 
 VECTOR_ATTRIBUTES = ("radar_position", "array_direction")
 """Attributes that are a place or a direction."""
-
 
 APERTURES = "tx_aperture", "rx_aperture"
 """Attributes that hold the lengths of both arrays [m]."""
@@ -104,6 +106,11 @@ def radar_place(attrs: Mapping[Any, Any]) -> Array:
     """Position (3,) [m] of the radar in the attributes of an image; the origin, or the floor, where they do not say."""
     given = np.asarray(attrs.get("radar_position", ()), dtype=float)
     return np.append(given, np.zeros(3 - given.size))
+
+
+def recorded_radar(attrs: Mapping[Any, Any]) -> Array:
+    """Position (3,) [m] of the radar in the attributes of a reconstruction; zero where they do not say."""
+    return np.array([float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"])
 
 
 def resolving_aperture(attrs: Mapping[Any, Any], prefix: str = "") -> float:

@@ -46,13 +46,13 @@ def total(parts: Parts) -> float:
     return float(sum(parts.values()))
 
 
-def forecast(parts: Parts, remarks: list[str] | None = None) -> Forecast:
+def forecast(parts: Parts) -> Forecast:
     """The parts of a stage as a record."""
     return Forecast(
         kind="forecast",
         memory_gb=total(parts) / GIGABYTE,
         parts_gb={name: nbytes / GIGABYTE for name, nbytes in parts.items()},
-        remarks=remarks or [],
+        remarks=[],
     )
 
 

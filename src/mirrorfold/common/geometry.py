@@ -53,6 +53,11 @@ def reflect(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array
     return points - 2.0 * signed_distance(points, on_mirror, normal)[..., None] * normal
 
 
+def reflect_each(points: Array, on_mirrors: Array | float, normals: Array) -> Array:
+    """As `reflect`, each of points (..., d) in a line or plane of its own, with unit normals (..., d)."""
+    return points - 2.0 * np.sum((points - on_mirrors) * normals, axis=-1, keepdims=True) * normals
+
+
 @dataclass(frozen=True, eq=False)
 class Isometry:
     """The map ``p -> linear @ p + shift``, which any chain of reflections is.

@@ -7,6 +7,7 @@ schema`` prints.
 
 from __future__ import annotations
 
+import math
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Self, cast, dataclass_transform
 
@@ -90,3 +91,14 @@ def _record(kind: type[Any], items: dict[str, Any]) -> Any:
     record = kind(**{name: value for name, value in items.items() if name in facts})
     dict.update(record, {name: value for name, value in items.items() if name not in facts})
     return record
+
+
+def finite(value: Any) -> Any:
+    """The value in plain Python types, with None in place of numbers that are not finite, which JSON cannot hold."""
+    if isinstance(value, dict):
+        return {str(name): finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if hasattr(value, "tolist"):  # NumPy scalars and arrays
+        return finite(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -116,15 +116,14 @@ def tree_card(root: Any) -> str:
     strokes, facts, position, range_ = [], [], [], []
     for node in root.walk():
         colours = [COLOURS[max(node.generation - 1 + k, 0) % len(COLOURS)] for k in (0, 1)]
-        name = "radar" if node.mirror is None else f"mirror {'/'.join(map(str, node.chain))}"
         objects = node.objects.position
-        strokes.append(Stroke(objects[:, :2], colours[1], 2.5, dots=True, label=f"seen through {name}"))
+        strokes.append(Stroke(objects[:, :2], colours[1], 2.5, dots=True, label=f"seen through {node.name}"))
         size = ""
         if node.mirror is not None:
             ends = node.mirror.ends[:, :2]
-            strokes.append(Stroke(ends, colours[0], 3.5, label=name))
+            strokes.append(Stroke(ends, colours[0], 3.5, label=node.name))
             size = f"{node.mirror.size:.2f} m, "
-        facts.append((f"{3 * node.generation * NO_BREAK}{name}", f"{size}{len(objects)} object echoes"))
+        facts.append((f"{3 * node.generation * NO_BREAK}{node.name}", f"{size}{len(objects)} object echoes"))
         for echoes in (node.objects, node.face):
             position.append(echoes.position)
             range_.append(echoes.range)

@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.arcs import arc_through, mirror_places
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.beams import beam_radius
-from mirrorfold.common.decibels import reference
+from mirrorfold.common.decibels import ratio_of, reference
+from mirrorfold.common.facts import VOLUME, recorded_radar
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
@@ -220,9 +221,9 @@ def find_changes(first: Any, second: Any) -> Changes:
             raise InputError("compare: the two have no pixel in common; focus both on one grid")
         a, b = a.sel(inside), b.interp(inside)
     zero = max(reference(a.values), reference(b.values))
-    floor = zero * 10.0 ** (FLOOR_DB / 20.0)
+    floor = zero * ratio_of(FLOOR_DB)
     with np.errstate(divide="ignore"):
-        difference = 20.0 * np.log10(np.maximum(b, floor) / np.maximum(a, floor))
+        difference = xr.DataArray(20.0 * np.log10(np.maximum(b, floor) / np.maximum(a, floor)))
     difference = difference.where((a > floor) | (b > floor))
     lost, gained = (np.zeros(0, dtype=bool),) * 2
     if isinstance(first, xr.DataTree):
@@ -305,7 +306,7 @@ def _picture(obj: Any) -> xr.DataArray:
     """Amplitude (y, x) of an image, or of the corrected picture of a reconstruction."""
     if isinstance(obj, xr.DataTree):
         return obj.dataset["intensity"].astype(float)
-    if obj.dims == ("range", "azimuth", "elevation"):
+    if obj.dims == VOLUME:
         obj = plan_view(obj)
     picture = np.abs(obj).astype(float)
     return picture.max("z") if "z" in picture.dims else picture
@@ -336,8 +337,7 @@ def _places(reconstruction: xr.DataTree, suffix: str = "") -> Array:
 def _reach(reconstruction: xr.DataTree) -> Array:
     """Path length from the radar to each point, (n,) [m]: its distance before folding, which folding preserves."""
     initial = _places(reconstruction, "_initial")
-    radar = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"[: initial.shape[1]]]
-    return np.asarray(np.linalg.norm(initial - radar, axis=1))
+    return np.asarray(np.linalg.norm(initial - recorded_radar(reconstruction.attrs)[: initial.shape[1]], axis=1))
 
 
 def _apart(of: xr.DataTree, other: xr.DataTree) -> Mask:

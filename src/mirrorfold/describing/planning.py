@@ -8,6 +8,7 @@ import numpy as np
 from scipy.constants import Boltzmann, speed_of_light
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array
@@ -222,8 +223,8 @@ def _link_budget(
     instrument: Instrument,
 ) -> list[BudgetRow]:  # fmt: skip
     """Range and signal over noise of a target for 0 to `MOST_BOUNCES` bounces, at 45 degrees on every wall."""
-    noise = Boltzmann * TEMPERATURE * instrument.if_bandwidth * 10.0 ** (instrument.noise_figure_db / 10.0)
-    power = 1e-3 * 10.0 ** (instrument.power_dbm / 10.0) * 10.0 ** (instrument.gain_dbi / 5.0)
+    noise = sample_noise(instrument)
+    power = transmitted_power(instrument) * 10.0 ** (instrument.gain_dbi / 5.0)
     loss = wall.specular_te_db[DIAGONAL]
     rows = []
     for bounces in np.arange(MOST_BOUNCES + 1):
@@ -241,6 +242,16 @@ def _link_budget(
             )
         )
     return rows
+
+
+def transmitted_power(instrument: Instrument) -> float:
+    """Transmitted power [W]."""
+    return 1e-3 * power_ratio_of(instrument.power_dbm)
+
+
+def sample_noise(instrument: Instrument) -> float:
+    """Power of the noise of a sample [W], ``k T B F``, with the noise figure F and the filter's bandwidth B."""
+    return Boltzmann * TEMPERATURE * instrument.if_bandwidth * power_ratio_of(instrument.noise_figure_db)
 
 
 def _line(aperture: float, pitch: float) -> Array:

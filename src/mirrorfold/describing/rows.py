@@ -10,6 +10,7 @@ import xarray as xr
 from mirrorfold.common.arcs import mirror_curves, mirror_outlines, mirror_places
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.decibels import PASSED_LABEL, bounce_label
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import PANE, on_mirrors, radius_of
 from mirrorfold.folding.confident import passed_walls
@@ -92,8 +93,7 @@ def place_digits(reconstruction: xr.DataTree) -> int:
 
     Lengths of mirrors have one less.
     """
-    x = reconstruction.dataset["x"].values
-    pixel = float(x[-1] - x[0]) / max(x.size - 1, 1)
+    pixel = mean_step(reconstruction.dataset["x"].values)
     return max(3, int(np.ceil(-np.log10(pixel) - 1e-9))) if pixel > 0.0 else 3
 
 

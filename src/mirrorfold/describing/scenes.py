@@ -47,7 +47,7 @@ class VolumeSceneFacts(Scan, Described):
 
 def describe_scene(scene: Scene) -> SceneFacts:
     """Facts about a scene in two dimensions, and what its arrays resolve in it."""
-    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
+    radar = scene.array.middle[:2]
     ways = [np.linalg.norm(surface.sample(SURFACE_STEP)[0] - radar, axis=1) for surface in scene.surface]
     farthest = float(max((way.max() for way in ways), default=0.0))
     nearest = float(min((way.min() for way in ways), default=0.0))
@@ -58,14 +58,13 @@ def describe_scene(scene: Scene) -> SceneFacts:
             f"The farthest surface, {farthest:.3g} m away, lies beyond the unambiguous range of "
             f"{facts.ambiguous_range_m:.3g} m and will appear at a wrong place; use more frequency points."
         )
-    if not scene.surface:
-        remarks.append("The scene has no surfaces.")
-    surfaces = [
-        SurfaceFacts(name=surface.name, kind=surface.kind, material=str(surface.material)) for surface in scene.surface
-    ]
-    remarks += _slips(scene)
     return SceneFacts(
-        kind="scene", title=scene.name, **facts, farthest_surface_m=farthest, surfaces=surfaces, remarks=remarks
+        kind="scene",
+        title=scene.name,
+        **facts,
+        farthest_surface_m=farthest,
+        surfaces=_surfaces(scene),
+        remarks=[*remarks, *_slips(scene)],
     )
 
 
@@ -74,26 +73,23 @@ def describe_volume_scene(scene: Scene3D) -> VolumeSceneFacts:
     azimuth, elevation = scene.scanner.angles
     beam = (scene.scanner.spot_radius, scene.scanner.focus_distance)
     facts, remarks = scan_resolution(scene.band.frequency, azimuth, elevation, beam)
-    if not scene.surface:
-        remarks.append("The scene has no surfaces.")
-    surfaces = [
-        SurfaceFacts(
-            name=surface.name,
-            kind=surface.kind,
-            material=str(surface.material),
-        )
-        for surface in scene.surface
-    ]
     remarks += _slips(scene)
-    return VolumeSceneFacts(kind="scene", title=scene.name, **facts, surfaces=surfaces, remarks=remarks)
+    return VolumeSceneFacts(kind="scene", title=scene.name, **facts, surfaces=_surfaces(scene), remarks=remarks)
+
+
+def _surfaces(scene: Scene | Scene3D) -> list[SurfaceFacts]:
+    return [
+        SurfaceFacts(name=surface.name, kind=surface.kind, material=str(surface.material)) for surface in scene.surface
+    ]
 
 
 def _slips(scene: Scene | Scene3D) -> list[str]:
-    """The reason why `simulate` would refuse the scene, or what it would warn of, as remarks."""
+    """That there is no surface, and why `simulate` would refuse the scene, or what it would warn of, as remarks."""
     from mirrorfold.simulation.limits import angle_doubts, check_extent  # imports the readers of scenes
 
+    empty = [] if scene.surface else ["The scene has no surfaces."]
     try:
         check_extent(scene)
     except InputError as error:
-        return [str(error)]
-    return angle_doubts(scene)
+        return [*empty, str(error)]
+    return [*empty, *angle_doubts(scene)]

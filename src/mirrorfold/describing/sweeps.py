@@ -13,7 +13,7 @@ from scipy.special import gammaincinv
 
 from mirrorfold.calibration.record import single_precision_scale
 from mirrorfold.common.arguments import boolean
-from mirrorfold.common.decibels import power_decibel
+from mirrorfold.common.decibels import power_decibel, power_ratio_of
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
@@ -226,24 +226,18 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
     power = _mean_power(part for frame in s for part in frame)
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
-    end = profile[int((1.0 - END_SHARE) * profile.size) : profile.size - SIDE_LOBES]
-    range_end = power_decibel(end.max() / profile.max()) if end.size and profile.max() > 0 else None
-    noise_in_profile = noise / power * profile.mean() if power > 0 else 0.0
-    if range_end is not None and range_end > END_LEVEL_DB and end.max() > END_OVER_NOISE * noise_in_profile:
+    range_end, wrapped = _range_end(profile, noise / power * profile.mean() if power > 0 else 0.0)
+    if wrapped:
         remarks.append(
             f"Echoes in the last part of the unambiguous range, {facts.ambiguous_range_m:.3g} m, are only "
-            f"{abs(range_end):.0f} dB below the strongest: later ones have probably wrapped around and "
+            f"{abs(range_end or 0.0):.0f} dB below the strongest: later ones have probably wrapped around and "
             "stand at wrong places; measure with smaller frequency steps."
         )
     reciprocity: Any = LEFT_OUT
     if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):
-        measured = (
-            sweep["measured"].values.astype(bool) if "measured" in sweep.variables else np.ones(s.shape[2:], dtype=bool)
-        )
-        both_ways = (measured & measured.T).astype(np.float32)
-        difference = _mean_power((part - part.T) * both_ways for frame in s for part in frame) / 2.0
+        difference = _change_by_exchange(sweep, s)
         reciprocity = power_decibel(difference / power)
-        if difference > RECIPROCITY_OVER_NOISE * noise and difference > 10.0 ** (RECIPROCITY_DB / 10.0) * power:
+        if difference > RECIPROCITY_OVER_NOISE * noise and difference > power_ratio_of(RECIPROCITY_DB) * power:
             remarks.append(
                 "Exchanging transmitter and receiver changes the samples by more than the noise "
                 f"({reciprocity + 0.0:.0f} dB of their power): the sweep is not reciprocal; "
@@ -257,6 +251,26 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
         reciprocity_db=reciprocity,
         remarks=remarks,
     )
+
+
+def _range_end(profile: Array, noise: float) -> tuple[float | None, bool]:
+    """Level [dB] of the strongest echo near the ambiguous range, against the strongest; whether later ones wrap around.
+
+    `noise` is the mean power of the noise in a bin of the range profile (n,).
+    """
+    end = profile[int((1.0 - END_SHARE) * profile.size) : profile.size - SIDE_LOBES]
+    level = power_decibel(end.max() / profile.max()) if end.size and profile.max() > 0 else None
+    return level, level is not None and level > END_LEVEL_DB and bool(end.max() > END_OVER_NOISE * noise)
+
+
+def _change_by_exchange(sweep: xr.Dataset, s: NDArray[np.complex64]) -> float:
+    """Half the mean power of the difference between samples (frames, frequencies, n, n) and their transpose.
+
+    It is that of the noise where the sweep is reciprocal; pairs that were measured only one way count as zero.
+    """
+    measured = sweep["measured"].values.astype(bool) if "measured" in sweep.variables else np.ones(s.shape[2:], bool)
+    both_ways = (measured & measured.T).astype(np.float32)
+    return _mean_power((part - part.T) * both_ways for frame in s for part in frame) / 2.0
 
 
 def _levels(power: float, profile: Array, noise: float, level_db: float) -> Levels:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.facts import doubt_angles
+from mirrorfold.common.facts import VOLUME, VOXELS, doubt_angles
 from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import image_echoes, volume_echoes
@@ -29,7 +29,7 @@ from mirrorfold.detection.search.arcs import find_arcs
 from mirrorfold.detection.search.round_sheets import find_round_sheets
 from mirrorfold.detection.views.image_to_view import to_image_view
 from mirrorfold.detection.views.image_view import ImageView
-from mirrorfold.detection.views.view import VOLUME, VOXELS, View
+from mirrorfold.detection.views.view import View
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.errors import InputError
 

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.focusing.echoes.coherence import FACE, OVERSAMPLING, POINT, Complex64, coherence, profiles, windows
@@ -206,5 +207,5 @@ def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:
     strongest = np.array([piece[np.argmax(power[piece])] for piece in pieces])
     loud = strongest[power[strongest] > ABOVE_NOISE * float(np.quantile(power, QUIET))]
     loud = loud[np.argsort(power[loud])[::-1]]
-    direct = np.count_nonzero(power[loud] > power.max() * 10.0 ** (-DIRECT_DB / 10.0))
+    direct = np.count_nonzero(power[loud] > power.max() * power_ratio_of(-DIRECT_DB))
     return np.sort(loud[: min(most, max(direct, FEWEST_GATES))])

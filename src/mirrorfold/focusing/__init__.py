@@ -23,8 +23,9 @@ folders compute the sum; each imports only from those above it:
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from mirrorfold.common.lazy import lazy
 
 if TYPE_CHECKING:
     from mirrorfold.focusing.choosing.caching import PlanCache, plan_cache, prepare
@@ -36,23 +37,6 @@ if TYPE_CHECKING:
     from mirrorfold.focusing.scans.gridding import plan_view, to_voxels
     from mirrorfold.focusing.scans.range_profiles import focus_raster
     from mirrorfold.focusing.settings import FocusSettings
-
-_MODULE_OF = {
-    "FocusOperator": "operator",
-    "FocusPlan": "plan",
-    "FocusSettings": "settings",
-    "PlanCache": "choosing.caching",
-    "choose_algorithm": "forecast",
-    "default_grid": "grid",
-    "focus": "imaging",
-    "focus_raster": "scans.range_profiles",
-    "plan_cache": "choosing.caching",
-    "plan_view": "scans.gridding",
-    "prepare": "choosing.caching",
-    "sweep_grid": "grid",
-    "to_voxels": "scans.gridding",
-}
-"""Public name -> its module, imported when the name is first used: settings can be read without compiled kernels."""
 
 __all__ = [
     "FocusOperator",
@@ -70,14 +54,18 @@ __all__ = [
     "to_voxels",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module 'mirrorfold.focusing' has no attribute {name!r}")
-    value = getattr(import_module(f"mirrorfold.focusing.{_MODULE_OF[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+# Settings can be read without the compiled kernels of other modules.
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "choosing.caching": ("PlanCache", "plan_cache", "prepare"),
+        "forecast": ("choose_algorithm",),
+        "grid": ("default_grid", "sweep_grid"),
+        "imaging": ("focus",),
+        "operator": ("FocusOperator",),
+        "plan": ("FocusPlan",),
+        "scans.gridding": ("plan_view", "to_voxels"),
+        "scans.range_profiles": ("focus_raster",),
+        "settings": ("FocusSettings",),
+    },
+)

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import antenna_positions, wave_speed
@@ -59,7 +60,7 @@ class Extent:
 
 def extent(frequency: Array, tx: Array, rx: Array, wave_speed: float = speed_of_light) -> Extent:
     """Resolution and range limits of `frequency` [Hz] with antennas at `tx`, `rx` (n, 3) [m]."""
-    step = (frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)
+    step = mean_step(frequency)
     band = step * frequency.size
     wavelength = wave_speed / float(frequency.mean())
     aperture = 0.5 * float(np.linalg.norm(np.ptp(tx, axis=0)) + np.linalg.norm(np.ptp(rx, axis=0)))

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.grid import extent
@@ -107,7 +108,7 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
         "range_resolution": limits.range_resolution,
         "frequency_start": float(frequency[0]),
         "frequency_stop": float(frequency[-1]),
-        "frequency_step": float((frequency[-1] - frequency[0]) / max(frequency.size - 1, 1)),
+        "frequency_step": mean_step(frequency),
         "frequency_points": int(frequency.size),
         "tx_aperture": _aperture(problem.tx, along),
         "rx_aperture": _aperture(problem.rx, along),

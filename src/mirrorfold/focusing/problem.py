@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import expect_unit
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
@@ -143,7 +144,7 @@ class Problem:
     @property
     def wavenumber_step(self) -> float:
         """Difference of neighbouring wavenumbers [rad/m]; zero for a single frequency."""
-        return float(self.k[-1] - self.k[0]) / max(self.k.size - 1, 1)
+        return mean_step(self.k)
 
     def of(self, tx: Index, rx: Index) -> Problem:
         """The same sum over some of the antennas, given by their indices."""

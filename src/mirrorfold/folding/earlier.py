@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.facts import radar_place
+from mirrorfold.common.facts import radar_place, recorded_radar
 from mirrorfold.common.types import Array, Names
 from mirrorfold.detection import ImageView
 from mirrorfold.errors import InputError
@@ -29,7 +29,7 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     InputError
         If the tree is no Reconstruction.
     """
-    _check_groups(reconstruction)
+    check_groups(reconstruction, "initial", "objects", "mirrors")
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)
     vertices = np.column_stack([np.ravel(reconstruction.attrs.get(f"corner_{axis}", ())) for axis in "xy"])
@@ -91,7 +91,7 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
     InputError
         If the tree is no Reconstruction, or the Reconstruction is that of a volume.
     """
-    _check_groups(reconstruction)
+    check_groups(reconstruction, "initial", "objects", "mirrors")
     if "initial" not in reconstruction.children["initial"].data_vars:
         raise InputError("reconstruction: holds no initial image; expected what `fold` or `reconstruct` returns")
     if "z" in reconstruction.children["objects"].variables:
@@ -102,15 +102,20 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
         image = image.copy(data=image.values * np.exp(1j * held["phase"].values).astype(np.complex64))
     attrs = {str(name): value for name, value in reconstruction.attrs.items()}
     known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
-    known = {"radar_position": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]} | known
+    known = {"radar_position": recorded_radar(attrs).tolist()} | known
     # Files of earlier versions do not tell the height; it was mostly that of the radar.
     if height := known.pop("z", radar_place(known)[2]):
         image = image.assign_coords(z=float(height))
     return image.assign_attrs(known | {"normalization": str(attrs.get("fold_normalization", "r"))})
 
 
-def _check_groups(reconstruction: xr.DataTree) -> None:
-    """Refuse a tree that lacks one of the groups of a Reconstruction."""
-    for group in ("initial", "objects", "mirrors"):
+def check_groups(reconstruction: xr.DataTree, *groups: str) -> None:
+    """Refuse a tree that lacks one of these groups of a Reconstruction.
+
+    Raises
+    ------
+    InputError
+    """
+    for group in groups:
         if group not in reconstruction.children:
             raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.common.forecasts import Parts, fullest
 from mirrorfold.detection.search.fit import PROFILE_SAMPLES
 from mirrorfold.detection.views.image_to_view import samples_of
@@ -50,9 +51,9 @@ def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
         image = image.isel(frame=0)
     if sweep is not None:
         held["samples"] = 8.0 * sweep["s"].size
-    if image.dims == ("range", "azimuth", "elevation"):
+    if image.dims == VOLUME:
         return _of_volume(held, image)
-    if image.dims == ("z", "y", "x"):  # the floor plan alone is folded
+    if image.dims == VOXELS:  # the floor plan alone is folded
         flat: Parts = {"amplitude of the voxels": SINGLE * image.size}
         return fullest(held | flat, _of_image(held | {"floor plan": SINGLE * image[0].size}, image[0].real, sweep))
     return _of_image(held, image, sweep)

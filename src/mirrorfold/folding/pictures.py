@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.geometry import Isometry, reflect_each
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array, Chain, Index, Mask
@@ -186,8 +186,7 @@ def _bent(fold: ChainFold, view: View) -> tuple[Array, Index, Array, Array, Arra
     column = np.flatnonzero(np.isfinite(range_))
     sight = view.sight[column]
     place = view.radar + range_[column, None] * sight
-    normal = arc.outward(arc.along(place))
-    heading = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
+    heading = reflect_each(sight, 0.0, arc.outward(arc.along(place)))
     return unfold, column, place, heading, range_[column]
 
 

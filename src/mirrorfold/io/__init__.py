@@ -17,12 +17,12 @@ To add a reader, see `readers/`.
 
 from __future__ import annotations
 
-import importlib
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mirrorfold.common.arguments import path_of
+from mirrorfold.common.lazy import lazy
 from mirrorfold.common.reading import check_file
 from mirrorfold.errors import InputError
 
@@ -166,20 +166,15 @@ def save(obj: xr.Dataset | xr.DataArray | xr.DataTree | Scene | Scene3D, path: s
     return write(obj, path_of("save", path))
 
 
-_HOME = {
-    "export": "exports.results",
-    "import_data": "importing",
-    "import_image": "images",
-    "save_touchstone": "exports.scan_folder",
-}
-"""The module of each function that is imported at first use."""
-
-
-def __getattr__(name: str) -> Any:
-    """Import a function of `_HOME` when it is first used."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__, __dir__ = lazy(
+    __name__,
+    {
+        "exports.results": ("export",),
+        "exports.scan_folder": ("save_touchstone",),
+        "images": ("import_image",),
+        "importing": ("import_data",),
+    },
+)
 
 
 __all__ = ["export", "import_data", "import_image", "load", "save", "save_touchstone"]

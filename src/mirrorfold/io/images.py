@@ -13,6 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import boolean, in_message, number, path_of
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import place
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, unit_named
@@ -259,7 +260,7 @@ def _amplitudes(contents: Contents, values: NDArray, decibel: bool) -> NDArray:
         return values.astype(np.complex64)
     real = values.astype(np.float32)
     if decibel:
-        return np.asarray(10.0 ** (np.maximum(real, FLOOR_DB) / 20.0), dtype=np.float32)
+        return np.asarray(ratio_of(np.maximum(real, FLOOR_DB)), dtype=np.float32)
     if real.size and float(np.nanmin(real)) < 0.0:
         raise InputError(
             f"{contents.path}: its amplitudes reach down to {float(np.nanmin(real)):g}; if they are in dB say so with "

@@ -86,17 +86,17 @@ def read_plan(path: str | Path) -> FloorPlan:
     return FloorPlan(lines, np.array(as_three_points(images)) if images else None, str(path))
 
 
-def as_plan(plan: Any, name: str = "plan") -> FloorPlan:
+def as_plan(plan: Any) -> FloorPlan:
     """A floor plan, given as such or by the path of its file.
 
     Raises
     ------
     InputError
-        If `plan` is neither, or the file cannot be read; `name` is that of the argument, for the message.
+        If it is neither, or the file cannot be read.
     """
     if isinstance(plan, FloorPlan):
         return plan
-    return read_plan(path_of(name, plan, "a floor plan, as mf.load returns, or the path of a DXF or GeoJSON file"))
+    return read_plan(path_of("plan", plan, "a floor plan, as mf.load returns, or the path of a DXF or GeoJSON file"))
 
 
 def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:

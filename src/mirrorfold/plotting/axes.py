@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.arguments import boolean, in_message, number, wrong_kind
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR
+from mirrorfold.common.facts import recorded_radar
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.io.own.checks import check_reconstruction
@@ -85,7 +87,7 @@ def checked_floor(floor_db: Any) -> float:
 
 def outer_edges(centres: Array) -> tuple[float, float]:
     """Outer edges of the first and the last pixel along an axis, from the pixels' centres."""
-    half = 0.5 * (centres[-1] - centres[0]) / max(centres.size - 1, 1)
+    half = 0.5 * mean_step(centres)
     return float(centres[0] - half), float(centres[-1] + half)
 
 
@@ -154,7 +156,7 @@ def draw_truth(ax: Axes, line: Array, alpha: float = 1.0) -> None:
 
 def radar_of(reconstruction: xr.DataTree) -> Array:
     """Position of the radar in the floor plan, (2,) [m]."""
-    return np.array([reconstruction.attrs.get("radar_x", 0.0), reconstruction.attrs.get("radar_y", 0.0)], dtype=float)
+    return recorded_radar(reconstruction.attrs)[:2]
 
 
 def mirror_lines(reconstruction: xr.DataTree, *, folded: bool) -> list[tuple[Array, int]]:

@@ -230,8 +230,7 @@ def scene(scene: Scene | str | Path, ax: Axes | None = None, *, alpha: float = 1
     for surface in found.surface:
         for piece in surface.pieces(CURVE_STEP):
             draw_truth(ax, piece, alpha)
-    radar = 0.5 * (found.array.tx_position.mean(axis=0) + found.array.rx_position.mean(axis=0))
-    draw_radar(ax, radar[:2])
+    draw_radar(ax, found.array.middle[:2])
     return in_metres(ax)
 
 

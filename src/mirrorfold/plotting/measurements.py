@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.describing.rows import mirror_rows, place_digits, points_by_chain
@@ -105,7 +106,7 @@ def channel_map(sweep: xr.Dataset, ax: Axes | None = None, *, colorbar: bool = T
     ax = axes_or_new(ax, (5.2, 4.4))
     if is_raster(sweep):
         axes = [sweep[name].values.astype(float) for name in ("azimuth", "elevation")]
-        steps = [float(np.diff(axis).mean()) if axis.size > 1 else 1.0 for axis in axes]
+        steps = [mean_step(axis) or 1.0 for axis in axes]
         extent = [edge for axis, step in zip(axes, steps, strict=True)
                   for edge in (axis[0] - step / 2, axis[-1] + step / 2)]  # fmt: skip
         ax.set(xlabel="azimuth [degree]", ylabel="elevation [degree]")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.arcs import mirror_outlines
 from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import COLOURS, TRUTH_COLOUR, bounce_label
+from mirrorfold.common.facts import recorded_radar
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
@@ -25,6 +26,7 @@ from mirrorfold.plotting.axes import (
     DRAW_BEFORE_AFTER,
     axes_or_new,
     checked_floor,
+    colour_of,
     draw_radar,
     draw_truth,
     expect_reconstruction,
@@ -265,13 +267,13 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None
     mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
     for i, outlines in enumerate(mirror_outlines(mirrors, prefix)):
         for line in outlines:
-            axes.plot(*line.T, color=COLOURS[int(mirrors["generation"][i]) % len(COLOURS) - 1], linewidth=1.4)
+            axes.plot(*line.T, color=colour_of(int(mirrors["generation"][i]) - 1), linewidth=1.4)
     if scene is not None:
         for line in wireframe(scene):
             axes.plot(*line.T, color=TRUTH_COLOUR, linewidth=0.7)
     on_mirror = columns["surface"] == "mirror"
     for bounces in np.unique(columns["bounces"]):
-        colour = COLOURS[int(bounces) % len(COLOURS)]
+        colour = colour_of(int(bounces))
         for wall in (True, False):
             which = (columns["bounces"] == bounces) & (on_mirror == wall)
             if not which.any():
@@ -281,7 +283,7 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None
                 chosen = chosen[:: max(1, len(chosen) // 1500)]
             axes.scatter(*chosen.T, s=1.2 if wall else 4.0, color=colour, alpha=0.25 if wall else 0.8, linewidths=0,
                          depthshade=not wall)  # fmt: skip
-    origin = [float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"]
+    origin = recorded_radar(reconstruction.attrs)
     axes.scatter(*origin, marker="^", color="black", s=50)
     axes.set(xlabel="cross-range x [m]", ylabel="range y [m]", zlabel="height z [m]")
     everything = np.vstack([points, [origin]])
@@ -296,7 +298,7 @@ def space(reconstruction: xr.DataTree, scene: Scene3D | str | Path | None = None
 def _space_legend(bounces: Array, scene: Scene3D | None) -> list[Line2D]:
     """Entries of the legend for each colour, for the truth and for the radar, larger than the marks in the picture."""
     handles = [
-        Line2D([], [], color=COLOURS[int(count) % len(COLOURS)], linewidth=1.4, marker="o", markersize=4,
+        Line2D([], [], color=colour_of(int(count)), linewidth=1.4, marker="o", markersize=4,
                label=f"{bounce_label(int(count))}: mirrors and points")
         for count in np.unique(bounces)
     ]  # fmt: skip

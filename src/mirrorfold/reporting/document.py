@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from mirrorfold import __version__
 from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.decibels import COLOURS, PASSED_COLOUR, PASSED_LABEL, TRUTH_COLOUR, reference
+from mirrorfold.common.facts import recorded_radar
 from mirrorfold.common.plans import FloorPlan
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Array
 from mirrorfold.describing.reconstructions import on_mirrors, remarks_on
 from mirrorfold.describing.rows import found_rows, mirror_rows, place_digits, points_by_chain, score_rows
@@ -133,7 +135,7 @@ def to_document(
         "images": {name: packed_levels(shown[name].values, zero, effort) for name in images},
         "margin": float(attrs.get("fold_wall_margin") or 0.0),
         "digits": place_digits(reconstruction),
-        "radar": [float(attrs.get(f"radar_{axis}", 0.0)) for axis in axes],
+        "radar": recorded_radar(attrs)[:dimensions].tolist(),
         "mirrors": mirrors,
         "least_confidence": float(attrs.get("fold_min_confidence", 0.0)),
         "points": _points(objects, axes, zero, _cells(objects, attrs, shown["corrected"])),
@@ -175,13 +177,12 @@ def shown_extent(reconstruction: xr.DataTree, truth: list[list[list[float]]]) ->
     objects = confident_points(reconstruction)
     held = reconstruction.children["mirrors"].to_dataset(inherit=False)
     grid = reconstruction.children["initial"].dataset
-    found = []
-    for axis in "xy":
+    radar, found = recorded_radar(reconstruction.attrs), []
+    for i, axis in enumerate("xy"):
         values = [objects[axis].values, objects[f"{axis}_initial"].values]
-        values += [curve[:, "xy".index(axis)] for prefix in ("", "folded_") for curve in mirror_curves(held, prefix)]
-        values += [np.array(line)[:, "xy".index(axis)] for line in truth]
-        values += [np.array([float(reconstruction.attrs.get(f"radar_{axis}", 0.0))])]
-        joined = np.concatenate([np.asarray(part, dtype=float).ravel() for part in values])
+        values += [curve[:, i] for prefix in ("", "folded_") for curve in mirror_curves(held, prefix)]
+        values += [np.array(line)[:, i] for line in truth]
+        joined = np.concatenate([radar[i : i + 1], *values])
         joined = joined[np.isfinite(joined)]
         pixels = grid[axis].values.astype(float)
         found.append((joined.min(), joined.max()) if joined.size > 1 else (pixels[0], pixels[-1]))
@@ -287,7 +288,7 @@ def _reduced(image: xr.DataArray, largest: int) -> xr.DataArray:
 
 def _step(axis: Array) -> float:
     """Distance between neighbouring pixels along an axis [m]; one for a single pixel."""
-    return float((axis[-1] - axis[0]) / max(axis.size - 1, 1)) or 1.0
+    return mean_step(axis) or 1.0
 
 
 def _base64(content: bytes) -> str:

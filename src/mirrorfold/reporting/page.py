@@ -5,11 +5,12 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import math
 import re
 from html import escape
 from importlib.resources import files
 from typing import Any
+
+from mirrorfold.common.records import finite
 
 STYLES = ("page.css",)
 PROGRAMS = ("basics.js", "sight.js", "maps.js", "tree.js", "tables.js", "space.js")
@@ -62,19 +63,8 @@ def to_html(document: dict[str, Any], *, title: str, live: dict[str, Any] | None
 
 def to_json(content: Any) -> str:
     """JSON that is safe inside a script element: in ASCII, with <, > and & as escapes."""
-    text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def _finite(value: Any) -> Any:
-    """The same value with None for numbers that JSON cannot write: infinite ones, and NaN."""
-    if isinstance(value, dict):
-        return {str(name): _finite(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value.item() if hasattr(value, "item") else value
 
 
 def _asset(name: str) -> str:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs
+from scipy.constants import speed_of_light
 
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.types import Array
@@ -138,6 +139,11 @@ class LinearArray:
         """Positions of the receivers, shape (n, 3) [m]."""
         return self.tx_position if self.rx is None else self.rx.tx_position
 
+    @property
+    def middle(self) -> Array:
+        """The point midway between the mean positions of the transmitters and of the receivers, shape (3,) [m]."""
+        return np.asarray(0.5 * (self.tx_position.mean(axis=0) + self.rx_position.mean(axis=0)))
+
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Band:
@@ -165,3 +171,13 @@ class Band:
     def frequency(self) -> Array:
         """The frequencies, shape (points,) [Hz]."""
         return np.linspace(self.start, self.stop, self.points)
+
+    @property
+    def middle(self) -> float:
+        """The frequency in the middle of the band [Hz]."""
+        return 0.5 * (self.start + self.stop)
+
+    @property
+    def ambiguous_range(self) -> float:
+        """The range [m] at which echoes wrap around to zero, ``c / (2 df)`` with the frequency step df."""
+        return speed_of_light * (self.points - 1) / (2.0 * (self.stop - self.start))

@@ -30,6 +30,7 @@ from mirrorfold.scenes.surfaces import (
     Roughness,
     Segment,
     Surface,
+    check_names,
 )
 
 if TYPE_CHECKING:
@@ -67,10 +68,7 @@ class Scene:
                 permittivity(surface.material, [self.band.start, self.band.stop])
             else:
                 warn_if_extrapolated(surface.material, [self.band.start, self.band.stop])
-        names = [surface.name for surface in self.surface]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+        check_names(self.surface)
 
     def _repr_html_(self) -> str:
         """Picture of the floor plan with the main facts, for notebooks."""
@@ -210,21 +208,21 @@ def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene
         raise plain(error, source, entries) from None
 
 
-def as_scene(scene: Any, name: str = "scene") -> Scene | Scene3D:
+def as_scene(scene: Any) -> Scene | Scene3D:
     """A scene from a scene, the path of a scene file, or a dict with the content of one.
 
     Raises
     ------
     InputError
-        If `scene` is none of these, or has mistakes; `name` is the name of the argument in the message.
+        If it is none of these, or has mistakes.
     """
     if isinstance(scene, str | Path):
         return load_scene(scene)
     if isinstance(scene, dict):
-        return parse_scene(scene, source=name)
+        return parse_scene(scene, source="scene")
     if isinstance(scene, Scene) or getattr(type(scene), "__name__", "") == "Scene3D":
         return scene
-    raise wrong_kind(name, scene, "a scene, the path of a scene file, or a dict with the content of one")
+    raise wrong_kind("scene", scene, "a scene, the path of a scene file, or a dict with the content of one")
 
 
 _ENTRIES = Entries.of((Segment, Polyline, Arc, Circle, Curve), (Scene, Band, LinearArray, Roughness, Substance))

@@ -37,7 +37,7 @@ from mirrorfold.scenes.arrays import (
 )
 from mirrorfold.scenes.messages import Entries, say_plainly
 from mirrorfold.scenes.scanner import Leakage, Scanner, Steps
-from mirrorfold.scenes.surfaces import Roughness
+from mirrorfold.scenes.surfaces import Roughness, check_names
 
 Lifted = Annotated[Number, Field(ge=0, le=170), Quantity("angle")]
 Bent = Annotated[Number, Field(ge=0, le=150), Quantity("angle")]
@@ -318,10 +318,7 @@ class Scene3D:
                 materials.permittivity(surface.material, [self.band.start, self.band.stop])
             else:
                 materials.warn_if_extrapolated(surface.material, [self.band.start, self.band.stop])
-        names = [surface.name for surface in self.surface]
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+        check_names(self.surface)
         solids = [surface.name for surface in self.surface if surface.kind != "patch"]
         for surface in self.surface:
             if isinstance(surface, Patch) and surface.on not in solids:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -94,6 +95,23 @@ class _Surface:
                 normals.append(np.tile(normal, (count, 1)))
                 lengths.append(np.full(count, length / count))
         return np.concatenate(points), np.concatenate(normals), np.concatenate(lengths)
+
+
+def check_names(surfaces: Sequence[Any]) -> None:
+    """Refuse surfaces of a scene of which two have the same name.
+
+    Raises
+    ------
+    ValueError
+    """
+    twice = sorted(name for name, count in Counter(surface.name for surface in surfaces).items() if count > 1)
+    if twice:
+        raise ValueError(f"surface names must differ, but {', '.join(map(repr, twice))} is used more than once")
+
+
+def surface_named(scene: Any, name: str) -> Any:
+    """The surface with that name, of a scene in the floor plan or in space that has one."""
+    return next(surface for surface in scene.surface if surface.name == name)
 
 
 def _steps(length: float, spacing: float) -> int:

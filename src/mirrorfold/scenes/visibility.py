@@ -8,11 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.constants import speed_of_light
 
 from mirrorfold.common.geometry import cross2, crossing, reflect, segment_normal
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.scenes.arrays import Band
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.surfaces import Arc, Circle, Surface
 
@@ -76,8 +74,8 @@ def visible_truth(
     straight = [f for surface, f in zip(scene.surface, pieces, strict=True) if surface.kind in STRAIGHT]
     mirrors = np.concatenate(straight) if straight else np.empty((0, 2, 2))
     mirrors = mirrors[np.linalg.norm(mirrors[:, 1] - mirrors[:, 0], axis=1) >= SHORTEST_MIRROR]
-    radar = _middle_of_array(scene)
-    limit = farthest_range(scene.band)
+    radar = scene.array.middle[:2]
+    limit = scene.band.ambiguous_range
     direct = _seen(radar, [], truth, normals, blockers, limit)
     reachable = direct.copy()
     # Chains of mirrors, each with the images of the radar in them. A mirror is appended if it is seen over the chain.
@@ -158,28 +156,18 @@ def seen_by_way(scene: Scene, way: Sequence[Array], truth: Array, normals: Array
         Count points at any angle to the normal, for walls that are straight over many wavelengths; by default up to 80
         degrees.
     """
-    images = [_middle_of_array(scene)]
+    images = [scene.array.middle[:2]]
     for start, end in way:
         images.append(reflect(images[-1], start, segment_normal(start, end)))
     blockers = _blockers(scene)
     path = list(zip(images, way, strict=False))
-    return _seen(images[-1], path, truth, normals, blockers, farthest_range(scene.band), grazing)
+    return _seen(images[-1], path, truth, normals, blockers, scene.band.ambiguous_range, grazing)
 
 
 def _blockers(scene: Scene) -> Array:
     """Straight pieces of all opaque surfaces, which block the view, (n, 2, 2) [m]."""
     opaque = [facets(some, CHORD) for some in scene.surface if getattr(some, "thickness", None) is None]
     return np.concatenate(opaque) if opaque else np.empty((0, 2, 2))
-
-
-def _middle_of_array(scene: Scene) -> Array:
-    """The point (2,) [m] midway between the mean positions of the transmitters and of the receivers."""
-    return np.asarray(0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2])
-
-
-def farthest_range(band: Band) -> float:
-    """The ambiguous range [m], beyond which nothing counts as visible."""
-    return speed_of_light * (band.points - 1) / (2.0 * (band.stop - band.start))
 
 
 def facets(surface: Surface, spacing: float) -> Array:

@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import HALF_POWER, beam_radius
-from mirrorfold.common.facts import resolving_aperture
+from mirrorfold.common.facts import recorded_radar, resolving_aperture
 from mirrorfold.common.types import Array
 
 
@@ -36,7 +36,8 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = 
     depth, low, high = map(known, ("range_resolution", "frequency_start", "frequency_stop"))
     if not axes or depth is None or low is None or high is None:
         return None
-    way = np.linalg.norm([objects[f"{a}_initial"].values - float(attrs.get(f"radar_{a}", 0.0)) for a in axes], axis=0)
+    radar = recorded_radar(attrs)
+    way = np.linalg.norm([objects[f"{axis}_initial"].values - radar["xyz".index(axis)] for axis in axes], axis=0)
     wavelength = float(attrs.get("image_wave_speed", speed_of_light)) / (0.5 * (low + high))
     aperture = resolving_aperture(attrs, "image_")
     spot, focus = known("spot_radius"), known("focus_distance")

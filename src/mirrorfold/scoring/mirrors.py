@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arcs import arc_through, circle_through, mirror_places
+from mirrorfold.common.facts import recorded_radar
 from mirrorfold.common.geometry import segment_normal
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array
@@ -69,7 +70,7 @@ def mirror_errors(
     """
     found = reconstruction.children["mirrors"].to_dataset(inherit=False)
     places = mirror_places(found, "folded_") if curves and "curvature" in found else []
-    radar = np.array([float(reconstruction.attrs.get(f"radar_{axis}", 0.0)) for axis in "xyz"])
+    radar = recorded_radar(reconstruction.attrs)
     rows, panes = [], panes or {}
     for i in range(found.sizes["mirror"]):
         generation = int(found["generation"].values[i])

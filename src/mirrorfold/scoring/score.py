@@ -19,6 +19,7 @@ from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import confident_points
+from mirrorfold.folding.earlier import check_groups
 from mirrorfold.folding.frames import pick_frame
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import BOUNCES, MOST_BOUNCES
@@ -157,9 +158,7 @@ def score(
     """
     if not isinstance(reconstruction, xr.DataTree):
         raise wrong_kind("score", reconstruction, "a reconstruction (xarray.DataTree), as fold and reconstruct return")
-    for group in ("objects", "mirrors"):
-        if group not in reconstruction.children:
-            raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")
+    check_groups(reconstruction, "objects", "mirrors")
     bounces = whole_number("bounces", bounces, highest=MOST_BOUNCES)
     reconstruction = pick_frame(reconstruction)
     scene = as_scene(scene)

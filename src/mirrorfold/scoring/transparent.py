@@ -86,7 +86,7 @@ class WallImages(NamedTuple):
 
 def panes(scene: Scene | Scene3D) -> dict[str, tuple[float, float]]:
     """Permittivity (real part, middle of the band) and thickness [m] of each half-transparent wall, by its name."""
-    middle = 0.5 * (scene.band.start + scene.band.stop)
+    middle = scene.band.middle
     walls = [(surface, getattr(surface, "thickness", None)) for surface in scene.surface]
     return {
         wall.name: (float(permittivity(wall.material, middle).real), thickness)
@@ -105,7 +105,7 @@ def walls_of_plan(scene: Scene, places: Array) -> WallImages | None:
     if not walls or not others:
         return None
     objects = np.concatenate(others)
-    radar = 0.5 * (scene.array.tx_position.mean(axis=0) + scene.array.rx_position.mean(axis=0))[:2]
+    radar = scene.array.middle[:2]
     met, incidence, images = np.zeros(len(places), dtype=bool), np.full(len(places), np.nan), []
     sight = (places - radar) / np.linalg.norm(places - radar, axis=1)[:, None]
     for start, end in np.concatenate([facets(wall, CHORD) for wall in walls]):

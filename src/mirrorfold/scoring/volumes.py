@@ -9,7 +9,8 @@ from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.scenes.solids import Patch, Scene3D
-from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, SMALLEST_RADIUS, farthest_range
+from mirrorfold.scenes.surfaces import surface_named
+from mirrorfold.scenes.visibility import BOUNCES, SMALLEST_COSINE, SMALLEST_RADIUS
 from mirrorfold.scoring.figures import NEAR
 from mirrorfold.scoring.mirrors import Face
 from mirrorfold.scoring.transparent import WallImages
@@ -71,8 +72,8 @@ def visible_truth(
         return direct, reachable
     traced = traced_scene(scene, parts)
     origin = np.array(scene.scanner.origin)
-    frequency = 0.5 * (scene.band.start + scene.band.stop)
-    limit = farthest_range(scene.band)
+    frequency = scene.band.middle
+    limit = scene.band.ambiguous_range
     azimuth, elevation = scene.scanner.angles
     sides = (np.linspace(axis[0], axis[-1], FAN) for axis in (azimuth, elevation))
     fan = beam_direction(*np.meshgrid(*sides, indexing="ij"))
@@ -138,7 +139,7 @@ def patch_contrast(scene: Scene3D, patch: Patch, points: Array, amplitude: Array
 
     The scene need not hold the patch: as a control, a scene without it is judged in the same region.
     """
-    below = next(surface for surface in scene.surface if surface.name == patch.on)
+    below = surface_named(scene, patch.on)
     solid = next(s for s in solids(scene) if scene.surface[s.surface].name == patch.on)
     back = below.frame.inverse
     place, normals, _ = _samples([solid])

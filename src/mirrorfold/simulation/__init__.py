@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import boolean, number, one_of, path_of, whole_number
+from mirrorfold.common.noise import complex_noise
 from mirrorfold.common.slabs import POLARIZATIONS, Polarization
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
@@ -135,17 +138,12 @@ def simulate(
     snr_db = None if snr_db is None else number("snr_db", snr_db, "dB")
     memory_limit = None if memory_limit is None else number("memory_limit", memory_limit, "B", above=0.0)
     checkpoint = None if checkpoint is None else path_of("checkpoint", checkpoint, "the path of a folder")
-    of_fullwave = {
-        "tolerance": tolerance != 1e-3,
-        "direct": direct,
-        "check_residual": check_residual,
-        "workers": workers != 1,
-        "scheduler": scheduler is not None,
-        "checkpoint": checkpoint is not None,
-        "resume": resume,
-    }
-    of_rays = {"bounces": bounces != 3, "force": force, "memory_limit": memory_limit is not None}
-    _check_solver_options(solver, of_rays, of_fullwave)
+    of_rays = {"bounces": bounces, "force": force, "memory_limit": memory_limit}
+    of_fullwave: dict[str, Any] = {
+        "tolerance": tolerance, "direct": direct, "check_residual": check_residual, "workers": workers,
+        "scheduler": scheduler, "checkpoint": checkpoint, "resume": resume,
+    }  # fmt: skip
+    _check_solver_options(solver, of_fullwave if solver == "rays" else of_rays)
     check_extent(scene)
     for doubt in angle_doubts(scene):
         warnings.warn(doubt, stacklevel=2)
@@ -164,60 +162,12 @@ def simulate(
             progress=progress,
         )
 
-    stated = scene
-    scene, gather = point_sources(scene)
-    waves = _polarizations(scene)
-    settings: dict[str, Any]
+    sources, gather = point_sources(scene)
     if solver == "rays":
-        from mirrorfold.simulation.rays.sweep import scattered_field
-
-        check_clearance(scene)
-        fields = []
-        for part, one in enumerate(waves):
-            scattered = scattered_field(
-                replace(scene, polarization=one),
-                bounces=bounces,
-                seed=seed,
-                memory_limit=memory_limit,
-                progress=_part(progress, part, len(waves)),
-            )
-            fields.append(scattered)
-        s = fields[0] if len(fields) == 1 else np.stack(fields)
-        del fields, scattered
-        settings = {"bounces": bounces, "seed": seed, "source_field": "exp(-jkd)/sqrt(d)"}
+        s, settings = _by_rays(sources, bounces=bounces, seed=seed, memory_limit=memory_limit, progress=progress)
     else:
-        from mirrorfold.simulation.fullwave.sweep import fullwave_field
-
-        if resume and checkpoint is None:
-            raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
-        fields = []
-        facts: dict[str, float] = {}
-        for part, one in enumerate(waves):
-            field, found = fullwave_field(
-                replace(scene, polarization=one),
-                tolerance=tolerance,
-                seed=seed,
-                direct=direct,
-                check_residual=check_residual,
-                workers=workers,
-                scheduler=scheduler,
-                checkpoint=_folder(checkpoint, one, waves),
-                resume=resume,
-                progress=_part(progress, part, len(waves)),
-            )
-            fields.append(field)
-            facts = {name: max(value, facts.get(name, value)) for name, value in found.items()}
-        s = fields[0] if len(fields) == 1 else np.stack(fields)
-        del fields, field
-        settings = {
-            "tolerance": tolerance,
-            "seed": seed,
-            "direct": direct,
-            **facts,
-            "source_field": "sqrt(pi k/2) exp(-j pi/4) H0(2)(kd), far away exp(-jkd)/sqrt(d)",
-        }
+        s, settings = _by_fullwave(sources, seed=seed, progress=progress, **of_fullwave)
     s = gather(s)
-    scene = stated
     returns_something = bool(s.any())
     if not returns_something:
         if snr_db is None:
@@ -226,7 +176,8 @@ def simulate(
                 f"scene {scene.name!r}: there is nothing to simulate, {lacking}; "
                 "add a surface that the array sees, or give snr_db for a sweep of noise alone"
             )
-        s = _unit_noise(s.shape, seed)
+        s = complex_noise(np.random.default_rng(seed), *s.shape) * np.float32(np.sqrt(0.5))
+    waves = _polarizations(scene)
     chosen = ", ".join(f"{name}={settings[name]:g}" for name in ("bounces", "tolerance", "seed") if name in settings)
     sweep = make_sweep(
         s,
@@ -245,6 +196,61 @@ def simulate(
     if not returns_something:
         return sweep.assign_attrs(processing=[*sweep.attrs["processing"], "nothing returned: noise of mean power 1"])
     return add_noise(sweep, snr_db=snr_db, seed=seed)
+
+
+def _by_rays(
+    scene: Scene, *, bounces: int, seed: int, memory_limit: float | None, progress: Progress | None
+) -> tuple[NDArray[np.complex64], dict[str, Any]]:
+    """The samples of a scene of point sources by geometrical optics, and the attributes that say how they were made."""
+    from mirrorfold.simulation.rays.sweep import scattered_field
+
+    check_clearance(scene)
+    waves = _polarizations(scene)
+    fields = [
+        scattered_field(
+            replace(scene, polarization=one),
+            bounces=bounces,
+            seed=seed,
+            memory_limit=memory_limit,
+            progress=_part(progress, part, len(waves)),
+        )
+        for part, one in enumerate(waves)
+    ]
+    return _stacked(fields), {"bounces": bounces, "seed": seed, "source_field": "exp(-jkd)/sqrt(d)"}
+
+
+def _by_fullwave(
+    scene: Scene, *, seed: int, checkpoint: Path | None, resume: bool, progress: Progress | None, **given: Any
+) -> tuple[NDArray[np.complex64], dict[str, Any]]:
+    """As `_by_rays`, by integral equations; `given` holds the other options of the full-wave solver."""
+    from mirrorfold.simulation.fullwave.sweep import fullwave_field
+
+    if resume and checkpoint is None:
+        raise InputError("resume needs the folder of the unfinished sweep; give it as checkpoint")
+    waves, fields, facts = _polarizations(scene), list[NDArray[np.complex64]](), dict[str, float]()
+    for part, one in enumerate(waves):
+        field, found = fullwave_field(
+            replace(scene, polarization=one),
+            seed=seed,
+            checkpoint=_folder(checkpoint, one, waves),
+            resume=resume,
+            progress=_part(progress, part, len(waves)),
+            **given,
+        )
+        fields.append(field)
+        facts = {name: max(value, facts.get(name, value)) for name, value in found.items()}
+    return _stacked(fields), {
+        "tolerance": given["tolerance"],
+        "seed": seed,
+        "direct": given["direct"],
+        **facts,
+        "source_field": "sqrt(pi k/2) exp(-j pi/4) H0(2)(kd), far away exp(-jkd)/sqrt(d)",
+    }
+
+
+def _stacked(fields: list[NDArray[np.complex64]]) -> NDArray[np.complex64]:
+    """The fields of all polarizations; that of one alone is not copied."""
+    return fields[0] if len(fields) == 1 else np.stack(fields)
 
 
 def _polarizations(scene: Scene) -> tuple[Polarization, ...]:
@@ -266,14 +272,11 @@ def _folder(checkpoint: Path | None, one: Polarization, of: tuple[Polarization, 
     return checkpoint if len(of) == 1 else checkpoint / one
 
 
-def _check_solver_options(solver: str, of_rays: dict[str, bool], of_fullwave: dict[str, bool]) -> None:
-    """Refuse options that belong to the other solver.
-
-    Each dict maps the name of an option to whether the user changed it from its default.
-    """
-    ignored = of_fullwave if solver == "rays" else of_rays
-    for name, chosen in ignored.items():
-        if chosen:
+def _check_solver_options(solver: str, of_other: dict[str, Any]) -> None:
+    """Refuse options of the other solver that the user has changed from their defaults."""
+    usual = inspect.signature(simulate).parameters
+    for name, value in of_other.items():
+        if value != usual[name].default:
             other = "fullwave" if solver == "rays" else "rays"
             raise InputError(f"{name} is an option of the solver {other!r}, not of {solver!r}; leave it out")
 
@@ -334,9 +337,3 @@ def estimate(
         disk_gb=sum(cost.disk for cost in costs) / 1e9,
         remarks=[],
     )
-
-
-def _unit_noise(shape: tuple[int, ...], seed: int) -> np.ndarray:
-    """White complex Gaussian noise of mean power one, complex64."""
-    noise = np.random.default_rng(seed).standard_normal((*shape, 2), dtype=np.float32)
-    return noise.view(np.complex64)[..., 0] * np.float32(np.sqrt(0.5))

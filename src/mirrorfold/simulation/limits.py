@@ -160,7 +160,7 @@ def _check_frequencies(scene: Scene | Scene3D) -> None:
 
 def _check_surfaces(scene: Scene | Scene3D) -> None:
     """Refuse surfaces farther away than the largest plausible distance."""
-    ambiguous = speed_of_light * (scene.band.points - 1) / (2.0 * (scene.band.stop - scene.band.start))
+    ambiguous = scene.band.ambiguous_range
     limit = reach(ambiguous, speed_of_light / scene.band.stop)
     for index, surface in enumerate(scene.surface):
         away = _distance(scene, surface)

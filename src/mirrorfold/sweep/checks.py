@@ -63,7 +63,46 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
     if "s" not in sweep:
         raise refuse("holds no variable 's'; expected a sweep with s(frequency, tx, rx)")
     sweep = with_own_polarization(sweep)
+    _check_dimensions(sweep, refuse)
+    named, said = polarizations(sweep, source), sweep.attrs.get("polarization")
+    if said is not None and (named or not isinstance(said, str) or said not in POLARIZATIONS):
+        raise refuse(f"attr polarization is {in_message(said)}, expected TE or TM, and none where s has several")
     s = sweep["s"]
+    if s.size == 0:
+        raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
+    if s.dtype.kind != "c":
+        raise refuse(
+            f"s has type {s.dtype}, expected complex numbers; store real and imaginary part as one, and measure the "
+            "phase where there are only magnitudes"
+        )
+    if is_raster(sweep):
+        _check_directions(sweep, refuse)
+    else:
+        _check_positions(sweep, refuse)
+    _check_attrs(sweep, refuse)
+    sweep = _in_equal_steps(sweep, refuse)
+    _check_units(sweep, refuse)
+    _check_samples(sweep["s"], refuse)
+    convention = sweep.attrs.get("time_convention", TIME_CONVENTION)
+    if convention == CONJUGATED:
+        return sweep.assign(s=np.conj(sweep["s"])).assign_attrs(time_convention=TIME_CONVENTION)
+    if convention != TIME_CONVENTION:
+        raise refuse(f"time_convention is {in_message(convention)}, expected 'exp(+jwt)' or 'exp(-jwt)'")
+    return sweep
+
+
+Refuse = Callable[[str], InputError]
+"""Makes the error of a message, which names the sweep."""
+
+
+def _places(sweep: xr.Dataset) -> tuple[str, ...]:
+    """Names of the coordinates that hold the antenna positions."""
+    return ("antenna_position",) if is_monostatic(sweep) else ("tx_position", "rx_position")
+
+
+def _check_dimensions(sweep: xr.Dataset, refuse: Refuse) -> None:
+    """Refuse samples over other dimensions than those of a sweep, and coordinates that lack or are in another unit."""
+    s, raster = sweep["s"], is_raster(sweep)
     for dims in (PAIR_DIMENSIONS, RASTER_DIMENSIONS, MONOSTATIC_DIMENSIONS):
         if set(dims) <= set(s.dims) and s.dims[-len(dims) :] != dims:
             wanted = ", ".join(dims)
@@ -71,9 +110,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
                 f"s has dimensions ({', '.join(map(str, s.dims))}), expected ({wanted}) as the last ones; sort them: "
                 f"sweep.transpose(..., {', '.join(map(repr, dims))}, 'axis', missing_dims='ignore')"
             )
-    raster, monostatic = is_raster(sweep), is_monostatic(sweep)
-    places = ("antenna_position",) if monostatic else ("tx_position", "rx_position")
-    for name in RASTER_DIMENSIONS if raster else ("frequency", *places):
+    for name in RASTER_DIMENSIONS if raster else ("frequency", *_places(sweep)):
         if name not in sweep.variables:
             where = "the frequencies [Hz]" if name == "frequency" else "the directions [degree]"
             where = "the antenna positions [m]" if name.endswith("position") else where
@@ -86,52 +123,45 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
                 f"{name} is in {other}, as its attribute units says, expected {expected}; convert it, or correct the "
                 f"attribute (calibrate --{option}-unit {other} converts it)"
             )
-    if not raster and not monostatic and s.dims[-3:] != PAIR_DIMENSIONS:
+    if not raster and not is_monostatic(sweep) and s.dims[-3:] != PAIR_DIMENSIONS:
         raise refuse(
             f"s has dimensions {s.dims}, expected (frequency, tx, rx), (frequency, position) or "
             "(frequency, azimuth, elevation); transpose or rename them"
         )
-    named = polarizations(sweep, source)
-    said = sweep.attrs.get("polarization")
-    if said is not None and (named or not isinstance(said, str) or said not in POLARIZATIONS):
-        raise refuse(f"attr polarization is {in_message(said)}, expected TE or TM, and none where s has several")
-    if s.size == 0:
-        raise refuse(f"s is empty, its shape is {s.shape}; measure at least one frequency and one pair")
-    if s.dtype.kind != "c":
-        raise refuse(
-            f"s has type {s.dtype}, expected complex numbers; store real and imaginary part as one, and measure the "
-            "phase where there are only magnitudes"
-        )
-    if raster:
-        _check_directions(sweep, refuse)
-    else:
-        _check_positions(sweep, places, refuse)
-    _check_attrs(sweep, refuse)
+
+
+def _in_equal_steps(sweep: xr.Dataset, refuse: Refuse) -> xr.Dataset:
+    """The sweep with frequencies in exactly equal steps; refused if more than rounding makes their steps differ."""
     if sweep["frequency"].dims != ("frequency",):
         raise refuse(f"frequency has dimensions {dict(sweep['frequency'].sizes)}, expected (frequency) alone")
     frequency = sweep["frequency"].values
     if frequency.dtype.kind not in "fiu" or not np.isfinite(frequency).all() or not (frequency > 0).all():
         raise refuse("frequency holds values that are not positive numbers; give them in hertz")
     even = without_rounding(frequency)
-    if even is not frequency:
-        sweep = sweep.assign_coords(frequency=sweep["frequency"].copy(data=even))
-        frequency = even
-    if frequency.size > 1:
-        step = np.diff(frequency.astype(float))
-        if step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean():
-            raise refuse(
-                f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; "
-                "sort them or resample to a uniform grid"
-            )
-    unit = frequency_unit_of(sweep)
+    step = np.diff(even.astype(float))
+    if step.size and (step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean()):
+        raise refuse(
+            f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; "
+            "sort them or resample to a uniform grid"
+        )
+    return sweep if even is frequency else sweep.assign_coords(frequency=sweep["frequency"].copy(data=even))
+
+
+def _check_units(sweep: xr.Dataset, refuse: Refuse) -> None:
+    """Refuse frequencies and positions that make no sense together, as in another unit."""
+    highest, unit = float(sweep["frequency"].max()), frequency_unit_of(sweep)
     if unit is not None and not _speed_may_follow(sweep):
         raise refuse(
-            f"frequencies up to {frequency.max():g} Hz make no sense with {_size(sweep)}; they are probably in {unit}: "
+            f"frequencies up to {highest:g} Hz make no sense with {_size(sweep)}; they are probably in {unit}: "
             f"give them in hertz (calibrate --frequency-unit {unit}), or for other waves than light the attr wave_speed"
         )
-    what = implausible_array(float(frequency.max()), _length_and_pitch(sweep)[0], wave_speed(sweep))
+    what = implausible_array(highest, _length_and_pitch(sweep)[0], wave_speed(sweep))
     if unit is None and what is not None:
         raise refuse(f"{what}; give frequencies in hertz and positions in metres")
+
+
+def _check_samples(s: xr.DataArray, refuse: Refuse) -> None:
+    """Refuse samples that are not finite, all zero, or real or imaginary parts alone."""
     missing = int(np.count_nonzero(~np.isfinite(s.values)))
     if missing:
         raise refuse(
@@ -146,12 +176,6 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             f"s holds {part} alone, the other part of every sample is zero; add it, or the phase: without it nothing "
             "tells where echoes are"
         )
-    convention = sweep.attrs.get("time_convention", TIME_CONVENTION)
-    if convention == CONJUGATED:
-        return sweep.assign(s=np.conj(s)).assign_attrs(time_convention=TIME_CONVENTION)
-    if convention != TIME_CONVENTION:
-        raise refuse(f"time_convention is {in_message(convention)}, expected 'exp(+jwt)' or 'exp(-jwt)'")
-    return sweep
 
 
 def frequency_unit_of(sweep: xr.Dataset) -> str | None:
@@ -242,7 +266,7 @@ def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
     return [UnitDoubt("position-unit", what, f"--position-unit {unit}")]
 
 
-def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+def _check_attrs(sweep: xr.Dataset, refuse: Refuse) -> None:
     """Refuse a `wave_speed` below `SLOWEST`, a beam of no size, and a `scene_center` or `origin` that is no place."""
     speed = finite(sweep.attrs.get("wave_speed", speed_of_light))
     if speed is None or speed < SLOWEST:
@@ -264,9 +288,9 @@ def _check_attrs(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None
             raise refuse(f"attr {name} is {in_message(centre)}, expected three finite numbers in metres")
 
 
-def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable[[str], InputError]) -> None:
+def _check_positions(sweep: xr.Dataset, refuse: Refuse) -> None:
     """Refuse antenna positions that are not finite, too far away, or whose columns are not in the order x, y, z."""
-    for name in names:
+    for name in _places(sweep):
         dim = name.removesuffix("_position").replace("antenna", "position")
         if sweep[name].dims != (dim, "axis") or sweep[name].shape[1] != 3:
             raise refuse(
@@ -281,7 +305,7 @@ def _check_positions(sweep: xr.Dataset, names: tuple[str, ...], refuse: Callable
             raise refuse(f"axis is ({', '.join(axes)}), expected (x, y, z); sweep.sel(axis=['x', 'y', 'z']) sorts it")
 
 
-def _check_directions(sweep: xr.Dataset, refuse: Callable[[str], InputError]) -> None:
+def _check_directions(sweep: xr.Dataset, refuse: Refuse) -> None:
     """Refuse beam directions that are not rising angles between -90 and 90 degrees."""
     for name in ("azimuth", "elevation"):
         angle = sweep[name].values

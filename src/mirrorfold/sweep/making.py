@@ -11,6 +11,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import number, whole_number, wrong_kind
+from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.noise import complex_noise
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.checks import check_sweep, unit_doubts
 from mirrorfold.sweep.facts import (
@@ -249,11 +251,10 @@ def add_noise(sweep: xr.Dataset, *, snr_db: float, seed: int) -> xr.Dataset:
     snr_db, seed = number("snr_db", snr_db, "dB"), whole_number("seed", seed)
     s = sweep["s"].values
     # Part by part, because the magnitudes in double precision would take as much memory as the samples.
-    power = sum(float(np.sum(np.abs(part).astype(float) ** 2)) for part in s) / s.size * 10.0 ** (-snr_db / 10.0)
+    power = sum(float(np.sum(np.abs(part).astype(float) ** 2)) for part in s) / s.size * power_ratio_of(-snr_db)
     measured = sweep["measured"].values if "measured" in sweep else np.ones(1, dtype=bool)
     power /= max(float(measured.mean()), 1.0 / s.size)
-    generator = np.random.default_rng(seed)
-    noise = generator.standard_normal((*s.shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
+    noise = complex_noise(np.random.default_rng(seed), *s.shape)
     if not power < 1e-4 * float(np.finfo(np.float32).max) ** 2:
         raise InputError(
             f"snr_db is {snr_db:g}: such noise is larger than single precision holds; give a larger number"

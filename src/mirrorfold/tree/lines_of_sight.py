@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mirrorfold.common.decibels import ratio_of
+from mirrorfold.common.decibels import power_ratio_of, ratio_of
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, View
@@ -108,7 +108,7 @@ def hiding_levels(objects: Echoes, view: View) -> Array:
     brightest = brightest_of(number, objects.amplitude)
     filled = np.unique(np.column_stack([number, np.rint(view.in_cells(objects.position))]), axis=0)[:, 0]
     cells = np.bincount(filled.astype(np.intp), minlength=brightest.size)
-    rare = -np.expm1(-(10.0 ** (-CLEAR_DB / 10.0)))
+    rare = -np.expm1(-power_ratio_of(-CLEAR_DB))
     faded = -np.log1p(-(rare ** (1.0 / cells)))
     mean = np.where(cells <= POINT_CELLS, brightest / np.sqrt(faded), np.inf)
     return np.minimum(own, mean[number])

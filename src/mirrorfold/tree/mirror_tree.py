@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirrorfold.common.chains import chain_name
+from mirrorfold.common.geometry import reflect_each
 from mirrorfold.common.svg import tree_card
 from mirrorfold.common.types import Array, Chain
 from mirrorfold.detection import Echoes, Fold, Mirror, fold_of
@@ -49,6 +51,11 @@ class MirrorTree:
         yield self
         for node in self.mirrors:
             yield from node.walk()
+
+    @property
+    def name(self) -> str:
+        """Name of the mirror by its chain, such as "mirror 1/0"; that of the root is "radar"."""
+        return f"mirror {chain_name(self.chain)}" if self.chain else "radar"
 
     @property
     def generation(self) -> int:
@@ -113,9 +120,8 @@ class MirrorTree:
     def __repr__(self) -> str:
         rows = []
         for node in self.walk():
-            what = "radar" if node.mirror is None else f"mirror {'/'.join(map(str, node.chain))}"
             size = "" if node.mirror is None else f", {node.mirror.size:.2f} m"
-            rows.append(f"{'  ' * node.generation}{what}{size}: {len(node.objects)} object echoes")
+            rows.append(f"{'  ' * node.generation}{node.name}{size}: {len(node.objects)} object echoes")
         return "\n".join(rows)
 
 
@@ -129,8 +135,7 @@ def place_covariance(places: Array, way: Sequence[Mirror]) -> Array:
     for mirror in reversed(way):
         matrix = _reflection_matrices(mirror, seen)
         covariance = matrix @ covariance @ np.swapaxes(matrix, -1, -2) + 4.0 * mirror.displacement_covariance(places)
-        hit, normal = mirror.facing(seen)
-        places = places - 2.0 * np.sum((places - hit) * normal, axis=1)[:, None] * normal
+        places = reflect_each(places, *mirror.facing(seen))
     return covariance
 
 

@@ -74,6 +74,10 @@ class LineMirror(Mirror):
         """Start and end, (2, 2) [m]."""
         return np.stack([self.start, self.end])
 
+    def at(self, along: Array) -> Array:
+        """Points at positions [m] along the mirror, (..., 2)."""
+        return self.start + along[..., None] * self.direction
+
     def along(self, points: Array) -> Array:
         """Position [m] of points (..., 2) along the mirror, from its start."""
         return np.asarray((points - self.start) @ self.direction)
@@ -111,7 +115,7 @@ class LineMirror(Mirror):
         if left_out.any():
             left_out *= min(1.0, 0.5 * self.length / left_out.sum())
         count = max(8, int(self.length / (SPACING * view.range_cell)))
-        row = self.start + np.linspace(left_out[0], self.length - left_out[1], count)[:, None] * self.direction
+        row = self.at(np.linspace(left_out[0], self.length - left_out[1], count))
         clear = ~view.near_misplaced(row)
         return row[clear] if np.mean(clear) > CLEAR_SHARE else row
 
@@ -141,8 +145,7 @@ class LineMirror(Mirror):
 
     def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
         """Its echoes, moved square onto the line, and onto its ends if they lie beyond."""
-        along = np.clip(self.along(echoes.position), 0.0, self.length)
-        return replace(echoes, position=self.start + along[:, None] * self.direction)
+        return replace(echoes, position=self.at(np.clip(self.along(echoes.position), 0.0, self.length)))
 
     def pieces(  # type: ignore[override]
         self, view: ImageView, direction: Index, before: Index, smallest: float

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from mirrorfold.common.geometry import Isometry, signed_distance
+from mirrorfold.common.geometry import Isometry, reflect_each, signed_distance
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View
@@ -217,8 +217,7 @@ class ChainFold:
         seen = np.asarray(points, dtype=float).reshape(-1, np.shape(points)[-1])
         place = seen
         for mirror in reversed(self.way):
-            hit, normal = mirror.facing(seen)
-            place = place - 2.0 * np.sum((place - hit) * normal, axis=1)[:, None] * normal
+            place = reflect_each(place, *mirror.facing(seen))
         return place.reshape(np.shape(points))
 
     def turn(self, points: Array) -> Array:

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from mirrorfold.common.geometry import cross2
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 
 SAME_CIRCLE = 0.01
@@ -30,13 +31,13 @@ def seen_parts(arcs: Sequence[ArcMirror]) -> list[list[ArcMirror]]:
     The far side of a circle is left out where arcs of the same circle stand before it: its mirror image would not be a
     part of that circle.
     """
-    near = [[part for part in _cut(arc, _outline(arc)) if _faces(arc, part)] for arc in arcs]
+    near = [[part for part in _cut(arc, _outline(arc)) if part.convex] for arc in arcs]
     seen = []
     for arc, own in zip(arcs, near, strict=True):
         same = [parts for other, parts in zip(arcs, near, strict=True) if _same(arc, other)]
         hidden = [_behind(part) for parts in same for part in parts]
         edges = [angle for interval in hidden for angle in interval]
-        far = [part for part in _cut(arc, [*_outline(arc), *edges]) if not _faces(arc, part)]
+        far = [part for part in _cut(arc, [*_outline(arc), *edges]) if not part.convex]
         seen.append([*own, *(part for part in far if not any(_within(part, *interval) for interval in hidden))])
     return seen
 
@@ -61,11 +62,6 @@ def _cut(arc: ArcMirror, angles: Sequence[float]) -> list[ArcMirror]:
     return [arc.part(a * arc.radius, b * arc.radius) for a, b in spans if b - a > SHORTEST_SPAN]
 
 
-def _faces(arc: ArcMirror, part: ArcMirror) -> bool:
-    """Whether a part of the arc, cut at its outline, belongs to the near side of the circle."""
-    return bool((arc.radar - part.center) @ part.normal > 0.0)
-
-
 def _same(arc: ArcMirror, other: ArcMirror) -> bool:
     """Whether two arcs are parts of one circle."""
     most = SAME_CIRCLE * arc.radius
@@ -86,7 +82,7 @@ def _incidence(part: ArcMirror, angle: float) -> float:
     """Angle [rad] from the normal of the circle, at the polar `angle` [rad], to the radar; positive clockwise."""
     normal = np.array([np.cos(angle), np.sin(angle)])
     away = part.radar - part.middle - part.radius * normal
-    return float(np.arctan2(normal[1] * away[0] - normal[0] * away[1], normal @ away))
+    return float(np.arctan2(cross2(away, normal), normal @ away))
 
 
 def _within(part: ArcMirror, first: float, last: float) -> bool:

@@ -28,6 +28,7 @@ from mirrorfold.detection.search.fit import (
     kink_residual,
     power_centroids,
     robust_weights,
+    weighted_fit,
 )
 from mirrorfold.detection.search.growing import CLIP, drawn
 from mirrorfold.detection.search.joined import fitted_together
@@ -122,8 +123,7 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
         beside = away - radius
         _, trust = robust_weights(beside, weight, np.finfo(float).eps * radius)
         design = np.column_stack([offset / away[:, None], np.ones(len(points))])
-        root = np.sqrt(trust)
-        step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
+        step = weighted_fit(design, beside, trust)
         middle, radius = middle + step[:2], radius + float(step[2])
     return middle, radius, trust
 
@@ -211,13 +211,10 @@ class _Arcs:
         """The arc, fitted to the centroids of power with its ends kept; None if it becomes implausible."""
         ends = arc.ends
         for _ in range(ROUNDS):
-            points, weight = self._centroids(arc)
-            if not len(points):
+            fitted = self._on_centroids(arc)
+            if fitted is None:
                 return None
-            middle, radius, trust = fitted_circle(points, weight, arc.middle, arc.radius)
-            if not 0.0 < radius < LARGEST_CELLS * self.view.cell_at(arc.center):
-                return None
-            circle = replace(arc, middle=middle, radius=radius)
+            circle, points, trust = fitted
             first, last = np.sort(circle.along(ends))
             arc = circle.part(float(first), float(last))
             if not self._plausible(arc):
@@ -312,16 +309,13 @@ class _Arcs:
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
                 return None
-            points, weight = self._centroids(facing)
-            if not len(points):
-                return None
-            middle, radius, trust = fitted_circle(points, weight, facing.middle, facing.radius)
+            fitted = self._on_centroids(facing)
             # If the circle becomes straight, or bulges to the other side, the row is no arc.
-            largest = LARGEST_CELLS * self.view.cell_at(facing.center)
-            if not 0.0 < radius < largest or (middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
+            if fitted is None or (fitted[0].middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
                 return None
+            circle, points, trust = fitted
             before = facing.ends
-            arc = self._part_on_row(replace(facing, middle=middle, radius=radius), before)
+            arc = self._part_on_row(circle, before)
             if np.linalg.norm(arc.ends - before, axis=1).max() < SETTLED_CELLS * self.view.range_cell:
                 break
         arc = self._with_errors(arc, points, trust)
@@ -334,6 +328,18 @@ class _Arcs:
             return None
         arc = replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
         return arc if arc.fill >= SMALLEST_FILL else None
+
+    def _on_centroids(self, arc: ArcMirror) -> tuple[ArcMirror, Array, Array] | None:
+        """The arc, moved to the circle through its centroids of power; these, (n, 2); and their weights, (n,).
+
+        None if there are too few of them, or the circle is straight.
+        """
+        points, weight = self._centroids(arc)
+        if not len(points):
+            return None
+        middle, radius, trust = fitted_circle(points, weight, arc.middle, arc.radius)
+        straight = not 0.0 < radius < LARGEST_CELLS * self.view.cell_at(arc.center)
+        return None if straight else (replace(arc, middle=middle, radius=radius), points, trust)
 
     def _centroids(self, arc: ArcMirror) -> tuple[Array, Array]:
         """Centroids of power across an arc (n, 2), and their weights (n,); none of them where there are too few."""

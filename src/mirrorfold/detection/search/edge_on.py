@@ -15,7 +15,7 @@ from operator import itemgetter
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.geometry import turned, unit
+from mirrorfold.common.geometry import reflect, turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import SPACING, LineMirror
@@ -106,7 +106,7 @@ def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineM
     if abs(np.linalg.det(sides)) < np.sin(np.radians(SMALLEST_TURN_DEG)):
         return []
     crossing = wall.start + np.linalg.solve(sides, image.start - wall.start)[0] * wall.direction
-    places = image.start + np.linspace(0.0, image.length, SAMPLES)[:, None] * image.direction
+    places = image.at(np.linspace(0.0, image.length, SAMPLES))
     sight = places - view.radar
     found = []
     for sign in (1.0, -1.0):
@@ -118,7 +118,7 @@ def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineM
         grazing = np.abs(sight @ normal) < np.sin(np.radians(LARGEST_GRAZING_DEG)) * np.linalg.norm(sight, axis=1)
         if not (in_front & grazing).all():
             continue
-        seen = wall.along(places - 2.0 * ((places - crossing) @ normal)[:, None] * normal)
+        seen = wall.along(reflect(places, crossing, normal))
         if np.mean((seen >= 0.0) & (seen <= wall.length)) >= SEEN_TWICE:
             first, last = view.radar + share[[0, -1], None] * sight[[0, -1]]
             found.append(_with_errors(LineMirror(first, last), wall, image, crossing, view))
@@ -136,9 +136,9 @@ def _with_errors(
     angle = 0.5 * float(np.hypot(wall.angle_error, image.angle_error))
     across = float(np.abs(mirror.normal @ wall.normal))  # not zero: the lines are not parallel
     moved = 0.5 * float(np.hypot(wall.offset_error, image.offset_error)) / across
-    turned = np.radians(angle) * float(np.linalg.norm(mirror.center - crossing))
+    swung = np.radians(angle) * float(np.linalg.norm(mirror.center - crossing))
     strength = float(np.median(_levels(mirror, view, ON_LINE)))
-    return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, turned)), strength=strength)
+    return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, swung)), strength=strength)
 
 
 def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
@@ -192,7 +192,7 @@ def _beside(mirror: LineMirror, view: ImageView, axis: int | None = None) -> Arr
 def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Array:
     """Amplitudes at places along the line, at distances `cells` (m,) beside it in resolution cells, (n, m)."""
     count = max(8, int(mirror.length / (SPACING * view.range_cell)))
-    places = mirror.start + np.linspace(0.0, mirror.length, count)[:, None] * mirror.direction
+    places = mirror.at(np.linspace(0.0, mirror.length, count))
     across = np.outer(view.extent(places, mirror.normal), cells)
     points = places[:, None] + across[..., None] * mirror.normal
     return np.sqrt(view.power_at(*view.to_polar(points)))

@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.view import View
@@ -28,6 +29,12 @@ ROUNDS = 3
 BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
 """Size of a block of a mirror in resolution cells, so large that the speckle of neighbouring blocks is nearly
 independent; and least number of blocks along a direction, from whose differences the standard errors follow."""
+
+KINKS = 13
+"""Number of places at which a kink is tried."""
+
+BREAKS, TRIED_BREAKS = (0.1, 0.9), 33
+"""First and last place where a row may break into two, as shares of its length; and number of places that are tried."""
 
 M = TypeVar("M", bound=Mirror)
 
@@ -54,17 +61,6 @@ def blocks(along: Array, side: float, cells: float, *, fewest: int) -> Index:
     count = np.maximum(np.rint(size / (side * cells ** (1.0 / along.shape[1]))), fewest)
     place = np.minimum(((along - first) / size * count).astype(np.intp), count.astype(np.intp) - 1)
     return np.unique(np.ravel_multi_index(tuple(place.T), tuple(count.astype(np.intp))), return_inverse=True)[1]
-
-
-SIGMA_PER_MEDIAN = 1.4826
-"""Standard deviation of normally distributed errors over the median of their absolute values."""
-
-KINKS = 13
-"""Number of places at which a kink is tried."""
-
-
-BREAKS, TRIED_BREAKS = (0.1, 0.9), 33
-"""First and last place where a row may break into two, as shares of its length; and number of places that are tried."""
 
 
 class Fit(NamedTuple):
@@ -100,7 +96,7 @@ def robust_weights(beside: Array, weight: Array, least: float) -> tuple[float, A
 
     The deviation follows from the median of the absolute distances; `least` [m] keeps that of a perfect fit above zero.
     """
-    deviation = SIGMA_PER_MEDIAN * float(np.median(np.abs(beside))) + least
+    deviation = robust_deviation(beside) + least
     return deviation, weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
 
 
@@ -130,16 +126,22 @@ def block_covariance(design: Array, beside: Array, trust: Array, along: Array, i
     return np.asarray(bread @ score.T @ score @ bread * len(score) / max(len(score) - design.shape[1], 1))
 
 
+def weighted_fit(design: Array, values: Array, weight: Array) -> Array:
+    """The coefficients (p,) of the columns of `design` (n, p) that fit values (n,) best, by weighted least squares."""
+    root = np.sqrt(weight)
+    return np.asarray(np.linalg.lstsq(root[:, None] * design, root * values, rcond=None)[0], dtype=float)
+
+
 def kink_residual(along: Array, beside: Array, weight: Array) -> float:
     """Weighted sum of squared residuals [m^2] of points about the best line with one kink, as of two walls that touch.
 
     `along` and `beside` (n,) [m] are the positions of the points along a row and their distances from it. The kink is
     at least a fifth of the row away from either end.
     """
-    root, residual = np.sqrt(weight), np.inf
+    residual = np.inf
     for kink in along.min() + np.linspace(0.2, 0.8, KINKS) * np.ptp(along):
         design = np.column_stack([np.ones_like(along), along, np.maximum(along - kink, 0.0)])
-        slopes = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
+        slopes = weighted_fit(design, beside, weight)
         residual = min(residual, float(np.sum(weight * (beside - design @ slopes) ** 2)))
     return residual
 
@@ -217,10 +219,10 @@ def parabola_residual(along: Array, beside: Array, weight: Array) -> float:
 
     `along` and `beside` (n,) [m] are the positions of the points along the row and their distances from it.
     """
-    x, root = (along - along.mean()) / max(float(np.ptp(along)), np.finfo(float).tiny), np.sqrt(weight)
+    x = (along - along.mean()) / max(float(np.ptp(along)), np.finfo(float).tiny)
     design, residual = np.vander(x, 3, increasing=True), []
     for terms in (2, 3):
-        fit = np.linalg.lstsq(root[:, None] * design[:, :terms], root * beside, rcond=None)[0]
+        fit = weighted_fit(design[:, :terms], beside, weight)
         residual.append(float(np.sum(weight * (beside - design[:, :terms] @ fit) ** 2)))
     return residual[1] / max(residual[0], float(np.finfo(float).tiny))
 

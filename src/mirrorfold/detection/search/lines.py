@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -42,13 +43,13 @@ GLINT, GLINT_CELLS = 0.9, 4.0
 where that is at least `GLINT_CELLS` resolution cells. Other glints are shorter: at the distance r, that of a bulging
 wall of radius R has ``R / (R + r)`` of the length, that of a point is one cell long."""
 
-DARK_CELLS, GLINT_RATIO, BESIDE_CELLS = 1.25, 10.0 ** (8.0 / 10.0), 4.0
+DARK_CELLS, GLINT_RATIO, BESIDE_CELLS = 1.25, power_ratio_of(8.0), 4.0
 """A row of a wall ends at a gap of more than `DARK_CELLS` resolution cells, if beyond it the power is `GLINT_RATIO`
 times (8 dB) that of the wall. Both are means over `BESIDE_CELLS` cells beside the gap: a wall fades slowly, and the
 mean of four speckles strays by 2 dB. Of 595 rough walls 8 lost an end so. A wall that faces the radar may be as bright
 itself, and is not cut there."""
 
-FAINTER_CELLS, FAINTER_RATIO = 1.0, 10.0 ** (-15.0 / 10.0)
+FAINTER_CELLS, FAINTER_RATIO = 1.0, power_ratio_of(-15.0)
 """Echoes over more than `FAINTER_CELLS` resolution cells do not continue a row if their mean power is less than
 `FAINTER_RATIO` (-15 dB) of the row's own: the median over its last `BESIDE_CELLS` cells, or over all of it if that is
 less. Beyond the end of a row, a beam fades by 15 dB within a cell, so that longer rows are of something else. In 37

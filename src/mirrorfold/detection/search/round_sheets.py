@@ -16,12 +16,13 @@ from scipy.spatial.distance import cdist
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
+from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.arcs import BULGE_CELLS, LARGEST_CELLS, REACH_CELLS, SIGNIFICANT, SMALLEST_CELLS
-from mirrorfold.detection.search.fit import SIGMA_PER_MEDIAN, robust_weights
+from mirrorfold.detection.search.fit import robust_weights, weighted_fit
 from mirrorfold.detection.search.growing import CLIP, NEAR, drawn
 from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet
 from mirrorfold.detection.views.view import DEVIATION
@@ -97,8 +98,7 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
         design = np.column_stack([flat, np.ones(len(points))])
         if cylinder:
             design = np.column_stack([design, shape.along(points)[:, None] * flat])
-        root = np.sqrt(trust)
-        step = np.linalg.lstsq(root[:, None] * design, root * beside, rcond=None)[0]
+        step = weighted_fit(design, beside, trust)
         count = len(base)
         middle, radius = shape.middle + step[:count] @ base, shape.radius + float(step[count])
         axis = unit(shape.axis + step[count + 1 :] @ base) if cylinder else shape.axis
@@ -240,10 +240,7 @@ class _SheetSearch:
         points, on_it = echoes.position[member], echoes.take(member)
         beside = shape.beside(points)
         footprint = DEVIATION * view.extent_each(points, shape.outward(points))
-        if (
-            SIGMA_PER_MEDIAN * float(np.median(np.abs(beside) / footprint)) > LARGEST_DEVIATION
-            or self._share_off(mirror) > MOST_OFF
-        ):
+        if robust_deviation(beside / footprint) > LARGEST_DEVIATION or self._share_off(mirror) > MOST_OFF:
             return None
         # Echoes within a resolution cell stray together, and count as one.
         share = len(member) / max(view.cell_numbers(points).max() + 1.0, 1.0)

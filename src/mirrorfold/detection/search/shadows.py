@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -112,7 +113,7 @@ def goes_on(gap: LineMirror, view: ImageView) -> bool:
     across = view.extent(places, gap.normal)[:, None] * np.concatenate([-beside, [0.0], beside])
     range_, u = view.to_polar(places[:, None] + across[..., None] * gap.normal)
     power, on_line = view.power_at(range_, u), (range_[:, BESIDE_SAMPLES], u[:, BESIDE_SAMPLES])
-    lobes = 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0) * _lobes(*on_line, view)
+    lobes = ratio_of(SIDE_LOBE_MARGIN_DB) * _lobes(*on_line, view)
     power[power[:, BESIDE_SAMPLES] <= lobes**2, BESIDE_SAMPLES] = 0.0
     level = np.log(np.maximum(power, max(SPECKLE_FLOOR * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
     brighter = level[BESIDE_SAMPLES] - max(level[:BESIDE_SAMPLES].mean(), level[-BESIDE_SAMPLES:].mean())
@@ -186,6 +187,6 @@ def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, cle
     """Share of the line, between two positions [m] along it, that lies in view, and that no object hides and no echo
     from elsewhere blurs.
     """
-    places = mirror.start + np.linspace(before, after, SAMPLES)[:, None] * mirror.direction
+    places = mirror.at(np.linspace(before, after, SAMPLES))
     range_, direction, inside = view.locate(places)
     return float(np.mean(inside & ~view.near_misplaced(places) & clear(range_, direction, mirror.strength)))

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
-from mirrorfold.common.arguments import in_message
+from mirrorfold.common.arguments import one_of
 from mirrorfold.common.facts import radar_place
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
@@ -53,9 +53,7 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     """
     view, axes = _unsampled(image, normalization)
     amplitude = sampled(view, image, axes).astype(np.float64)
-    done = str(image.attrs.get("normalization", "none"))
-    if done not in RANGE_POWERS:
-        raise InputError(f"image: normalization is {in_message(done)}, expected one of {', '.join(RANGE_POWERS)}")
+    done = one_of("image: normalization", str(image.attrs.get("normalization", "none")), RANGE_POWERS)
     amplitude *= view.range[:, None] ** float(view.power - RANGE_POWERS[done])
     blank = image.values == 0
     if blank.any():  # masked pixels stay empty: splines overshoot beside the edges of a mask
@@ -80,9 +78,7 @@ def samples_of(image: xr.DataArray) -> tuple[int, int]:
 def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array]]:
     """The view of an image without its amplitudes, and x and y of the image."""
     check_samples(image, ("y", "x"))
-    normalization = normalization or "r"
-    if normalization not in RANGE_POWERS:
-        raise InputError(f"normalization is {normalization!r}, expected one of {', '.join(RANGE_POWERS)}")
+    normalization = one_of("normalization", normalization or "r", RANGE_POWERS)
     attrs = image.attrs
     x, y = image["x"].values.astype(float), image["y"].values.astype(float)
     place = radar_place(attrs)

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.facts import check_facts, check_unit
+from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.common.windows import cell_of
@@ -24,9 +24,6 @@ from mirrorfold.errors import InputError
 DEVIATION = 0.3
 """Standard deviation of the distribution of an echo's power about its position, in half-amplitude widths of the
 resolution cell: for the main lobe of the Hann window, and for a Gaussian beam there and back."""
-
-VOLUME, VOXELS = ("range", "azimuth", "elevation"), ("z", "y", "x")
-"""Dimensions of the volume of a raster scan, and of voxels."""
 
 NEGATIVE_SHARE = 0.9
 """Share of negative pixels above which an image holds levels in dB, which are negative everywhere but at the peak. Real

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
-from mirrorfold.common.facts import radar_place
+from mirrorfold.common.decibels import ratio_of
+from mirrorfold.common.facts import VOLUME, radar_place
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import WINDOWS, cell_of, hann, side_lobe_envelope
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
@@ -75,7 +76,7 @@ class VolumeView(View):
     @cached_property
     def floor(self) -> float:
         """Amplitude, without normalisation, that noise stays below in the whole volume; see `DYNAMIC_RANGE_DB`, too."""
-        weakest = float(self.amplitude.max()) * 10.0 ** (DYNAMIC_RANGE_DB / 20.0)
+        weakest = float(self.amplitude.max()) * ratio_of(DYNAMIC_RANGE_DB)
         return max(noise_limit(self.noise, self.amplitude.size), weakest)
 
     @cached_property
@@ -89,7 +90,7 @@ class VolumeView(View):
         # The edge of a run of samples, 12 dB below its peak, is more than one unit, c/(2B), away from the peak.
         x = 1.0 + np.arange(1, self.range.size + 1) * self.dr / self.range_unit
         weights = self.window if self.window.size else np.ones(WINDOW_POINTS)
-        level = side_lobe_envelope(weights, x) * 10.0 ** (SIDE_LOBE_MARGIN_DB / 20.0)
+        level = side_lobe_envelope(weights, x) * ratio_of(SIDE_LOBE_MARGIN_DB)
         return np.minimum(level, 1.0).astype(np.float32)
 
     @cached_property
@@ -197,7 +198,7 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     InputError
         If the volume cannot be used.
     """
-    check_samples(volume, ("range", "azimuth", "elevation"))
+    check_samples(volume, VOLUME)
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
     angle_table(azimuth)
     amplitude = magnitudes(beams_of(volume))

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fft, ifft, next_fast_len
 
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.common.types import Array
 
@@ -59,7 +60,7 @@ class RangeWindows:
 
     def __init__(self, k: Array, samples: NDArray[np.complex64], taper: Array) -> None:
         self._k, self._samples, self._taper = k, samples, taper.astype(np.float32)
-        self._step = float(k[-1] - k[0]) / max(k.size - 1, 1)
+        self._step = mean_step(k)
         self._count = next_fast_len(int(np.ceil(PADDED * k.size)))
         self._profile: NDArray[np.complex64] | None = None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.noise import complex_noise
 from mirrorfold.focusing.exact.direct_sum import direct_sum
 from mirrorfold.focusing.exact.exact_sum import focus_exact
 from mirrorfold.focusing.problem import Problem
@@ -60,6 +61,4 @@ def exact_kernel_error(problem: Problem, s: NDArray[np.complex64], tolerance: fl
 
 def white_noise(problem: Problem, seed: int = 0) -> NDArray[np.complex64]:
     """Complex white noise in the shape of the data, of variance 2: the hardest data to image within a tolerance."""
-    rng = np.random.default_rng(seed)
-    shape = (*problem.data_shape, 2)
-    return rng.standard_normal(shape, dtype=np.float32).view(np.complex64)[..., 0]
+    return complex_noise(np.random.default_rng(seed), *problem.data_shape)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ import scipy.fft
 from mirrorfold.common import phasor
 from mirrorfold.common.cache import cache_folder
 from mirrorfold.common.leftovers import remove_leftovers, temporary_name
+from mirrorfold.common.noise import complex_noise
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.focusing.exact import kernels as exact_kernels
 from mirrorfold.focusing.exact import range_tables
@@ -130,10 +131,7 @@ def measure() -> Machine:
 def _measure() -> Machine:
     """Time every loop on this thread."""
     rng = np.random.default_rng(0)
-
-    def noise(*shape: int) -> np.ndarray:
-        return rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
-
+    noise = partial(complex_noise, rng)
     taps = triangular_kernel(4, 2.0, False).coefficients
     more = triangular_kernel(8, 2.0, False).coefficients
     few, many = _pixels(taps), _pixels(more)

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.arguments import number
-from mirrorfold.common.facts import check_facts, check_unit, doubt_angles, radar_place
+from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit, doubt_angles, radar_place
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.threads import for_each
@@ -101,7 +101,7 @@ def to_voxels(volume: xr.DataArray, *, x: ArrayLike, y: ArrayLike, z: ArrayLike)
         If there are no voxels, or coordinates do not rise in equal steps.
     """
     amplitude = _samples(volume)
-    coords = _coordinates(volume, dict.fromkeys(("range", "azimuth", "elevation"), 2))
+    coords = _coordinates(volume, dict.fromkeys(VOLUME, 2))
     voxels = Voxels.of(coords, volume.attrs, x=x, y=y, z=z)
     voxels.fill(amplitude, range(len(amplitude)))
     return voxels.labelled()
@@ -229,7 +229,7 @@ class Voxels:
         coords: dict[str, Any] = {name: (name, axis, {"units": "m"}) for name, axis in self.given.items()}
         attrs = {**self.attrs, "mirrorfold_kind": "image"}
         values = np.moveaxis(self.values, -1, 0)
-        return xr.DataArray(values, dims=("z", "y", "x"), coords=coords, attrs=attrs, name="image")
+        return xr.DataArray(values, dims=VOXELS, coords=coords, attrs=attrs, name="image")
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy")

@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 from scipy.fft import next_fast_len
 
+from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.common.forecasts import GIGABYTE, expect, tell
 from mirrorfold.common.memory import check_room, room_below
 from mirrorfold.common.threads import cpu_count
@@ -168,12 +169,12 @@ def expected_scan(sweep: xr.Dataset, settings: FocusSettings) -> xr.DataArray:
     names = polarizations(sweep)
     profiles = Profiles.of(picked(sweep, names[0]) if names else sweep, settings)
     if not is_gridded(settings):
-        coords, dims = profiles.coords, ("range", "azimuth", "elevation")
+        coords, dims = profiles.coords, VOLUME
     else:
         given = zip("zyx", (settings.z, settings.y, settings.x), strict=True)
         coords, dims = (
             {name: (name, np.atleast_1d(np.asarray(axis, dtype=float))) for name, axis in given},
-            ("z", "y", "x"),
+            VOXELS,
         )
     shape = [coords[name][1].size for name in dims]
     values = np.broadcast_to(np.float32(0.0), shape)

@@ -13,6 +13,7 @@ from scipy.fft import ifft, next_fast_len
 
 from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.facts import VOLUME
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.normalization import RANGE_POWERS, VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import takes
@@ -236,7 +237,7 @@ class Profiles:
     def volume(self, *, amplitude: bool = False, progress: Progress | None = None) -> xr.DataArray:
         """The volume (range, azimuth, elevation), or only its amplitude, with coordinates and attributes."""
         values = np.moveaxis(self.beams(range(self.shape[0]), amplitude=amplitude, progress=progress), -1, 0)
-        dims = ("range", "azimuth", "elevation")
+        dims = VOLUME
         return xr.DataArray(values, dims=dims, coords=self.coords, attrs=self.attrs, name="image")
 
 
@@ -272,7 +273,7 @@ def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalizat
 
 def beams_of(volume: xr.DataArray) -> NDArray[Any]:
     """The values of a volume with the range axis last, (azimuth, elevation, range), not copied."""
-    if not isinstance(volume, xr.DataArray) or volume.dims != ("range", "azimuth", "elevation"):
+    if not isinstance(volume, xr.DataArray) or volume.dims != VOLUME:
         raise wrong_kind("volume", volume, "a volume (range, azimuth, elevation), as focus returns of a raster scan")
     return np.asarray(np.moveaxis(volume.values, 0, -1))
 

@@ -12,6 +12,7 @@ import xarray as xr
 from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.arguments import one_of, wrong_kind
 from mirrorfold.common.chains import mirror_chains
+from mirrorfold.common.facts import VOLUME
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import with_confident_points
 from mirrorfold.folding.frames import pick_frame
@@ -133,7 +134,7 @@ def mirrors_file(reconstruction: xr.DataTree) -> bytes:
 def _image_file(image: xr.DataArray, path: Path) -> bytes:
     """An image as a VTI file, or the volume of a raster scan as a VTS file."""
     image = pick_frame(image)
-    raster = image.dims[-3:] == ("range", "azimuth", "elevation")
+    raster = image.dims[-3:] == VOLUME
     if (path.suffix.lower() == ".vts") != raster or path.suffix.lower() not in PICTURES:
         held, expected = ("the volume of a raster scan", ".vts") if raster else ("an image", ".vti")
         raise InputError(f"{path}: cannot hold {held}; give a name that ends in {expected}")

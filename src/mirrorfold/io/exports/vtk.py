@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.beams import beam_direction
-from mirrorfold.common.facts import radar_place
+from mirrorfold.common.facts import VOLUME, radar_place
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.polarization import picked, polarizations
@@ -84,7 +84,7 @@ def picture_file(pictures: Mapping[str, xr.DataArray]) -> bytes:
 
 def volume_file(volume: xr.DataArray) -> bytes:
     """A VTS file of the volume (range, azimuth, elevation) of a raster scan, with every voxel at its place [m]."""
-    range_, azimuth, elevation = (volume[name].values.astype(float) for name in ("range", "azimuth", "elevation"))
+    range_, azimuth, elevation = (volume[name].values.astype(float) for name in VOLUME)
     origin = radar_place(volume.attrs)
     sight = beam_direction(azimuth[:, None], elevation)
     points = places((origin + range_[:, None, None, None] * sight).reshape(-1, 3))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.io.mapping.model import Mapping, Samples, Values
 from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.mapping.spectral import STEP_TOLERANCE, from_range, from_time
@@ -44,7 +45,7 @@ def samples_of(quantities: Quantities, samples: Samples) -> tuple[NDArray, list[
     if samples.real is not None:
         s = parts[0] + 1j * parts[1]
     elif samples.magnitude is not None:
-        size = 10.0 ** (parts[0] / 20.0) if samples.magnitude_unit == "dB" else parts[0]
+        size = ratio_of(parts[0]) if samples.magnitude_unit == "dB" else parts[0]
         s = size * np.exp(1j * (np.radians(parts[1]) if samples.phase_unit == "degree" else parts[1]))
     if "re_im" in dims:
         at = dims.index("re_im")

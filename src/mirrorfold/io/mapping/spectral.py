@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.errors import InputError
 
 Array = NDArray[np.floating]
@@ -121,7 +122,7 @@ def _kept(frequency: Array, spectra: NDArray, band: tuple[float, float] | None) 
         return np.asarray(keep)
     power = np.mean(np.abs(spectra.reshape(-1, frequency.size)) ** 2, axis=0) * (frequency > 0.0)
     peak = int(power.argmax())
-    weak = np.flatnonzero(power < 10.0 ** (OCCUPIED_DB / 10.0) * power[peak])
+    weak = np.flatnonzero(power < power_ratio_of(OCCUPIED_DB) * power[peak])
     lower = int(weak[weak < peak].max(initial=-1)) + 1
     upper = int(weak[weak > peak].min(initial=frequency.size))
     keep = np.zeros(frequency.size, dtype=bool)

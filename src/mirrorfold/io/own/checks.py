@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message, wrong_kind
-from mirrorfold.common.facts import check_facts, check_unit
+from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import STEP_TOLERANCE
@@ -53,7 +53,7 @@ MOST_BOUNCES = 1000
 """Largest number of bounces of a chain; more must be a mistake, as every bounce costs some decibels."""
 
 
-IMAGE_DIMENSIONS = (("z", "y", "x"), ("y", "x"), ("range", "azimuth", "elevation"))
+IMAGE_DIMENSIONS = (VOXELS, ("y", "x"), VOLUME)
 """Dimensions of a single image; dimensions before them, such as `frame`, count several images."""
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
@@ -152,12 +153,17 @@ def _polar(rows: NDArray[np.float64]) -> NDArray[np.complex128]:
     return np.asarray(rows[:, 0] * np.exp(1j * np.radians(rows[:, 1])))
 
 
+def _polar_db(rows: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Complex numbers from levels [dB] and angles [degree], (n, 2)."""
+    return _polar(np.stack([ratio_of(rows[:, 0]), rows[:, 1]], axis=-1))
+
+
 FORMATS = {
     "RI": lambda rows: rows[:, 0] + 1j * rows[:, 1],
     "MAGANGLE": _polar,
     "MAG": _polar,
-    "DBANGLE": lambda rows: _polar(np.stack([10.0 ** (rows[:, 0] / 20.0), rows[:, 1]], axis=-1)),
-    "DB": lambda rows: _polar(np.stack([10.0 ** (rows[:, 0] / 20.0), rows[:, 1]], axis=-1)),
+    "DBANGLE": _polar_db,
+    "DB": _polar_db,
 }
 """Conversion of two numbers to a complex number, by format; angles are in degrees."""
 

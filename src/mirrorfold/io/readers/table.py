@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader, pair_tables
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
@@ -243,7 +244,7 @@ def _complex(columns: dict[str, NDArray[np.float64]], unit: str) -> NDArray[np.c
     if {"real", "imaginary"} <= set(columns):
         return np.asarray(columns["real"] + 1j * columns["imaginary"])
     angle = columns.get("radian", np.radians(columns["degree"]) if "degree" in columns else None)
-    size = columns.get("magnitude", 10.0 ** (columns["db"] / 20.0) if "db" in columns else None)
+    size = columns.get("magnitude", ratio_of(columns["db"]) if "db" in columns else None)
     return None if angle is None or size is None else np.asarray(size * np.exp(1j * angle))
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader
 from mirrorfold.io.readers.contents import Contents, Spectra, Variable, read_bytes
@@ -136,7 +137,7 @@ def _spectra(path: Path, values: NDArray[np.float64], ports: int, unit: float, f
     if form == "RI":
         s = first + 1j * second
     else:
-        s = (first if form == "MA" else 10.0 ** (first / 20.0)) * np.exp(1j * np.radians(second))
+        s = (first if form == "MA" else ratio_of(first)) * np.exp(1j * np.radians(second))
     # The specification orders the samples of two-ports by columns, of all others by rows.
     order = [(i, j) for i in range(ports) for j in range(ports)]
     if ports == 2:

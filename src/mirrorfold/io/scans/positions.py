@@ -85,7 +85,7 @@ class Entry(Strict):
     @model_validator(mode="before")
     @classmethod
     def _aliases(cls, value: Any) -> Any:
-        return in_one_unit(_renamed(value, FILE_NAMES, "file"), ("tx", "rx", "position"))
+        return in_one_unit(_with_file(value, FILE_NAMES), ("tx", "rx", "position"))
 
 
 class Scan(Strict):
@@ -136,7 +136,7 @@ class Scan(Strict):
         if isinstance(value, dict):
             lists = [name for name in LISTS if isinstance(value.get(name), list)]
             if len(lists) == 1:
-                return _renamed(value, lists, "file")
+                return _with_file(value, lists)
         return value
 
     @model_validator(mode="after")
@@ -149,14 +149,14 @@ class Scan(Strict):
         return self
 
 
-def _renamed(value: Any, names: Sequence[str], name: str) -> Any:
-    """The dict, with its only entry that is called by one of `names` renamed to `name`."""
-    if not isinstance(value, dict) or name in value:
+def _with_file(value: Any, names: Sequence[str]) -> Any:
+    """The dict, with its only entry that is called by one of `names` renamed to "file"."""
+    if not isinstance(value, dict) or "file" in value:
         return value
     found = [other for other in names if other in value]
     if len(found) != 1:
         return value
-    return {(name if key == found[0] else key): item for key, item in value.items()}
+    return {("file" if key == found[0] else key): item for key, item in value.items()}
 
 
 def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[FilePosition] | None]:

@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import in_message, path_of, wrong_kind
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.arrangements import fill_matrix, grid_beams
@@ -223,7 +224,7 @@ def _spectra(
 
 def _step(frequency: NDArray[np.float64]) -> float:
     """Mean step of frequencies [Hz]; of a single one the frequency itself."""
-    return float(abs(frequency[-1] - frequency[0])) / max(frequency.size - 1, 1) or abs(float(frequency[0]))
+    return abs(mean_step(frequency) or float(frequency[0]))
 
 
 def _parameter(path: Path | SpectraInMemory, spectra: Spectra, parameter: str | None, kind: str) -> str:

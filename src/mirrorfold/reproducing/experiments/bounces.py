@@ -42,6 +42,7 @@ from mirrorfold.reproducing.parts.zigzag import (
 )
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import surface_named
 
 MOST = 5
 """Largest number of bounces that is tried."""
@@ -216,7 +217,7 @@ APART = 0.3
 
 def _distances(points: Array, scene: Scene) -> Array:
     """Distances (n,) [m] of points (n, 2) [m] from the target."""
-    truth = next(surface.sample(0.002)[0] for surface in scene.surface if surface.name == "target")
+    truth = surface_named(scene, "target").sample(0.002)[0]
     return np.array([np.linalg.norm(truth - point, axis=1).min() for point in points])
 
 

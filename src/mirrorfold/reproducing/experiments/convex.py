@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import to_db
-from mirrorfold.common.geometry import unit
+from mirrorfold.common.geometry import reflect, unit
 from mirrorfold.common.types import Array
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
@@ -27,6 +27,7 @@ from mirrorfold.reproducing.parts.point_image import PointImage
 from mirrorfold.reproducing.parts.scenes import plan_scene, random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import draw
+from mirrorfold.scenes.surfaces import surface_named
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -135,8 +136,7 @@ def _normal() -> Array:
 
 def _outgoing() -> Array:
     """Unit vector along the last leg of the path, from the mirror to the point."""
-    way, normal = unit(HIT), _normal()
-    return np.asarray(way - 2.0 * (way @ normal) * normal)
+    return reflect(unit(HIT), 0.0, _normal())
 
 
 def _scene(radius: float, target: Array, *, points: int) -> Scene:
@@ -249,7 +249,7 @@ def _folded(sweep: xr.Dataset, pixels: dict[str, Any]) -> dict[str, xr.DataTree]
 
 def _hidden_scores(scene: Scene, reconstructions: dict[str, xr.DataTree]) -> dict[str, float]:
     """Hidden F-scores with and without curved mirrors, and the error of the pillar's curvature."""
-    pillar: Any = next(surface for surface in scene.surface if surface.name == "pillar")
+    pillar = surface_named(scene, "pillar")
     found = {
         f"{name}_f_cells": float(mf.score(folded, scene).hidden.f_score_cells or 0.0)
         for name, folded in reconstructions.items()

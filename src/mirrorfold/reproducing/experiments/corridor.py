@@ -14,7 +14,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 import mirrorfold as mf
-from mirrorfold.common.decibels import to_db
+from mirrorfold.common.decibels import power_ratio_of, to_db
 from mirrorfold.plotting import volumes as plot_volume
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts import bodies
@@ -98,7 +98,7 @@ def run(work: Work) -> Findings:
     predicted, share = predicted_db(scene, body), box_of(scene).diffuse_fraction
     numbers |= spread(rows) | {
         "predicted_box_over_wall_db": predicted,
-        "least_diffuse_share": share * 10.0 ** (-predicted / 10.0),
+        "least_diffuse_share": share * power_ratio_of(-predicted),
         **{f"box_over_wall_at_share_{share:g}_db": level for share, level in sorted(levels.items())},
     }
     cuts = sections(volume, seen, view, wall, level=LEVEL)

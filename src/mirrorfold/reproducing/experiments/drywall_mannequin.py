@@ -40,6 +40,7 @@ from mirrorfold.reproducing.parts.thickness import draw_thickness, measure_thick
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes import families
 from mirrorfold.scenes.solids import Patch, Scene3D
+from mirrorfold.scenes.surfaces import surface_named
 from mirrorfold.scoring.mirrors import mirror_errors
 from mirrorfold.scoring.volumes import faces, patch_contrast
 from mirrorfold.simulation.raster.speckle import diffuse_share
@@ -146,7 +147,7 @@ def judge(seen: xr.DataTree, without: xr.DataTree, scene: Scene3D, body: Folded,
     mirrors = (one for one in mirror_errors(seen, faces(scene)) if one.surface == "drywall")
     mirror = min(mirrors, key=lambda one: one.generation)
     step = float(np.diff(scene.scanner.angles[0]).mean())
-    foil = next(one for one in scene.surface if isinstance(one, Patch))
+    foil = surface_named(scene, "foil")
     contrast = [
         patch_contrast(scene, foil, places_of(points), points["amplitude"].values)
         for points in (body.points, hidden_points(without))
@@ -227,17 +228,17 @@ def _front_view(body: Folded, view: Facing) -> tuple[Array, Array, Array]:
 
 def _predicted_contrast(scene: Scene3D) -> float:
     """Power that the foil scatters over power that the cloth scatters, both at normal incidence [dB]."""
-    frequency, head_on = 0.5 * (scene.band.start + scene.band.stop), np.ones(1)
-    foil = next(one for one in scene.surface if isinstance(one, Patch))
-    cloth = next(one for one in scene.surface if one.name == foil.on)
+    frequency, head_on = scene.band.middle, np.ones(1)
+    foil = surface_named(scene, "foil")
+    cloth = surface_named(scene, foil.on)
     shares = [float(diffuse_share(one, frequency, head_on, inside=False)[0]) for one in (foil, cloth)]
     return float(10.0 * np.log10(shares[0] / shares[1]))
 
 
 def _covered_by_foil(scene: Scene3D, body: Folded) -> Array:
     """Samples of the true body that the foil covers, (n, 3) [m]."""
-    foil = next(one for one in scene.surface if isinstance(one, Patch))
-    frame = next(one for one in scene.surface if one.name == foil.on).frame.inverse
+    foil = surface_named(scene, "foil")
+    frame = surface_named(scene, foil.on).frame.inverse
     known = body.known
     on_body = np.array([known.names[int(owner)] == foil.on for owner in known.owner]) & known.reachable
     place, normals = known.place[on_body], known.normals[on_body]

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.geometry import reflect_each, segment_normal
 from mirrorfold.common.types import Array
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.reproducing.findings import Claim, Findings, Table
@@ -31,6 +31,7 @@ from mirrorfold.reproducing.parts.hall import (
     unfolding,
 )
 from mirrorfold.reproducing.parts.pixels import pixels_within
+from mirrorfold.reproducing.parts.spread import standard_error
 from mirrorfold.reproducing.parts.stated import stated_errors
 from mirrorfold.reproducing.parts.two_walls_family import VIEW
 from mirrorfold.reproducing.work import Work
@@ -136,8 +137,8 @@ def perturbed(line: Array, pivot: Array, angle: Array | float, offset: Array | f
 def folded(place: Array, lines: Sequence[Array]) -> Array:
     """A place of the image, reflected at mirrors of the image (..., 2, 2) [m], at the last mirror first."""
     for line in reversed(lines):
-        normal = segment_normal(line[..., 0, :], line[..., 1, :])
-        place = place - 2.0 * np.sum((place - line[..., 0, :]) * normal, axis=-1, keepdims=True) * normal
+        start, end = line[..., 0, :], line[..., 1, :]
+        place = reflect_each(place, start, segment_normal(start, end))
     return place
 
 
@@ -300,9 +301,9 @@ def _mirror_table(moved: xr.Dataset) -> Table:
             rows.append([
                 f"{angle:g} degree" if angle else f"{1e3 * offset:g} mm", LABELS[folds],
                 f"{float(np.sqrt((one['way'] ** 2).mean())):.2f}",
-                f"{1e3 * float(one['measured'].mean()):.2f} +- {1e3 * _standard_error(one['measured'].values):.2f}",
+                f"{1e3 * float(one['measured'].mean()):.2f} +- {1e3 * standard_error(one['measured'].values):.2f}",
                 f"{1e3 * float(one['propagated'].mean()):.2f}",
-                f"{ratio.mean():.3f} +- {_standard_error(ratio):.3f}",
+                f"{ratio.mean():.3f} +- {standard_error(ratio):.3f}",
             ])  # fmt: skip
     columns = ["error of each mirror", "folds", "from mirror to target [m]", "points are off [mm]",
                "propagated [mm]", "ratio"]  # fmt: skip
@@ -351,10 +352,6 @@ def _stated_table(stated: dict[str, Array]) -> Table:
 
 def _stated_data(stated: dict[str, Array]) -> xr.Dataset:
     return xr.Dataset({name: (f"{name}_number", values, {"units": "1"}) for name, values in stated.items()})
-
-
-def _standard_error(values: Array) -> float:
-    return float(values.std(ddof=1) / np.sqrt(values.size)) if values.size > 1 else float("nan")
 
 
 def _mirror_figure(moved: xr.Dataset) -> Figure:

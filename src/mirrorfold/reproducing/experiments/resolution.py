@@ -27,6 +27,7 @@ from mirrorfold.reproducing.parts.hall import (
     unfolding,
 )
 from mirrorfold.reproducing.parts.point_image import PointImage
+from mirrorfold.reproducing.parts.spread import standard_error
 from mirrorfold.reproducing.work import Work
 
 HALF = 3.2
@@ -158,7 +159,7 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
             for bounces in range(len(CHAINS)):
                 one = ratio.sel(bounces=bounces).values
                 numbers[f"{name}_width_over_{against}_{bounces}"] = float(one.mean())
-                numbers[f"{name}_width_over_{against}_{bounces}_error"] = _standard_error(one)
+                numbers[f"{name}_width_over_{against}_{bounces}_error"] = standard_error(one)
         for bounces in range(len(CHAINS)):
             numbers[f"{name}_width_{bounces}_m"] = float(data[f"{name}_width_m"].sel(bounces=bounces).mean())
         numbers[f"{name}_width_largest_m"] = float(data[f"{name}_width_m"].max())
@@ -168,14 +169,9 @@ def _numbers(data: xr.Dataset) -> dict[str, float]:
     return numbers
 
 
-def _standard_error(values: Array) -> float:
-    """Standard error of the mean; NaN for a single value."""
-    return float(values.std(ddof=1) / np.sqrt(values.size)) if values.size > 1 else float("nan")
-
-
 def _with_error(values: xr.DataArray, scale: float, digits: int) -> str:
     """Mean and standard error of a column, times `scale`, as text."""
-    return f"{scale * float(values.mean()):.{digits}f} +- {scale * _standard_error(values.values):.{digits}f}"
+    return f"{scale * float(values.mean()):.{digits}f} +- {scale * standard_error(values.values):.{digits}f}"
 
 
 def _table(data: xr.Dataset) -> Table:

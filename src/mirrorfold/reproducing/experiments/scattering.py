@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from scipy.constants import Boltzmann, speed_of_light
+from scipy.constants import speed_of_light
 
 import mirrorfold as mf
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.types import Array
-from mirrorfold.describing.planning import DULL_DB, INVISIBLE_DB, TEMPERATURE, Instrument
+from mirrorfold.describing.planning import DULL_DB, INVISIBLE_DB, Instrument, sample_noise, transmitted_power
 from mirrorfold.describing.walls import shares
 from mirrorfold.reproducing.findings import Claim, Findings
 from mirrorfold.reproducing.parts.scattering_pages import (
@@ -163,16 +164,14 @@ def _wall_snr_db(name: str, frequency: float) -> float:
     wavelength = speed_of_light / frequency
     depth = speed_of_light / (2.0 * BANDWIDTH_SHARE * frequency)
     along = min(depth / np.sin(OBLIQUE), wavelength * RANGE / APERTURE / np.cos(OBLIQUE))
-    gain = 10.0 ** (electronics.gain_dbi / 10.0)
+    gain = power_ratio_of(electronics.gain_dbi)
     height = RANGE * np.sqrt(4.0 * np.pi / gain)  # height of the beam, which is as wide as it is high
     scattered = float(reflected(name, np.array(frequency), np.array(OBLIQUE), PAPER_ROUGHNESS)[1])
     section = 4.0 * scattered * np.cos(OBLIQUE) ** 2 * along * height
-    power = 1e-3 * 10.0 ** (electronics.power_dbm / 10.0)
-    received = power * gain**2 * wavelength**2 * section / ((4.0 * np.pi) ** 3 * RANGE**4)
-    noise = Boltzmann * TEMPERATURE * electronics.if_bandwidth * 10.0 ** (electronics.noise_figure_db / 10.0)
+    received = transmitted_power(electronics) * gain**2 * wavelength**2 * section / ((4.0 * np.pi) ** 3 * RANGE**4)
     antennas = int(2.0 * APERTURE / wavelength) + 1
     points = int(2.0 * BANDWIDTH_SHARE * frequency * 6.0 / speed_of_light) + 2
-    return float(10.0 * np.log10(received / noise * antennas**2 * points))
+    return float(10.0 * np.log10(received / sample_noise(electronics) * antennas**2 * points))
 
 
 def _db(share: float) -> float:

@@ -15,6 +15,7 @@ import xarray as xr
 from scipy.sparse.linalg import lsqr
 
 import mirrorfold as mf
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.scenes import random_scenes
@@ -137,8 +138,8 @@ def _study(scene: Scene, sweep: xr.Dataset, seed: int, setting: Setting, example
     scores = {"full": _score(everything, scene)}
     residual = s - model.all_samples(lsqr(model, s.ravel(), iter_lim=LSQR_ITERATIONS)[0])
     # The share of the power that no reflectivities explain, less that of the noise; its root is one of the amplitude.
-    power = (np.linalg.norm(residual) / np.linalg.norm(s)) ** 2 - 10.0 ** (-SNR_DB / 10.0)
-    scores["scene"] = {"unexplained": float(np.sqrt(max(power, 0.0)))}
+    power = (np.linalg.norm(residual) / np.linalg.norm(s)) ** 2 - power_ratio_of(-SNR_DB)
+    scores["scene"] = {"unexplained": float(np.sqrt(np.maximum(power, 0.0)))}
     falls, filled = [], []
     for kind in KINDS:
         for share in setting.shares:

@@ -31,7 +31,7 @@ from mirrorfold.reproducing.parts.pixels import pixels_within
 from mirrorfold.reproducing.parts.scenes import shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.surfaces import Circle, Segment
+from mirrorfold.scenes.surfaces import Circle, Segment, surface_named
 
 LARGEST_DELAY, CABLE, SNR_DB = 2e-3, 1.7, 20.0
 """Largest delay of a position, of either sign [m]; cable in all paths [m]; signal over noise of a sample [dB]."""
@@ -160,7 +160,7 @@ def _scene(work: Work) -> Scene:
     if not work.quick:
         return scene
     band = scene.band
-    return replace(scene, band=replace(band, start=0.5 * (band.start + band.stop), points=(band.points + 1) // 2))
+    return replace(scene, band=replace(band, start=band.middle, points=(band.points + 1) // 2))
 
 
 def _sphere() -> Circle:
@@ -232,7 +232,7 @@ def _folded(sweep: xr.Dataset, pixels: dict[str, Any]) -> tuple[xr.DataTree, xr.
 
 def _judged(reconstruction: xr.DataTree, usual: xr.DataTree, truth: Scene) -> dict[str, float]:
     """Errors of the drywall's angle and depth, and scores of the folded points."""
-    wall = next(surface for surface in truth.surface if surface.name == "drywall")
+    wall = surface_named(truth, "drywall")
     assert isinstance(wall, Segment)
     start, end = np.array(wall.start), np.array(wall.end)
     inward = segment_normal(start, end)

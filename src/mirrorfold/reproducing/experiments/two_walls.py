@@ -157,7 +157,7 @@ def _case(name: str, solver: str, scene: Scene, work: Work) -> Case:
     reconstruction = work.reconstruction(scene, solver=solver, **settings)
     aperture = float(np.ptp(scene.array.tx_position[:, 0]))
     band = scene.band
-    wavelength = 2.0 * speed_of_light / (band.start + band.stop)
+    wavelength = speed_of_light / band.middle
     cells = np.array([speed_of_light / (2.0 * (band.stop - band.start)), wavelength / aperture])
     what = "the walls face each other" if name == "facing" else "one wall hides, the other shows"
     title = f"{what}, by {BY[solver]}, {band.start / 1e9:g}-{band.stop / 1e9:g} GHz"

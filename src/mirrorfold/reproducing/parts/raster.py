@@ -13,6 +13,7 @@ import xarray as xr
 from scipy.ndimage import map_coordinates
 
 import mirrorfold as mf
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.geometry import reflect
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import find_echoes, see, usual_settings
@@ -135,7 +136,7 @@ def _inside(points: Array, wall: Wall) -> Mask:
 def thickness(profile: xr.DataArray) -> float:
     """Width [m] of a profile of power at `TOLD_DB` below its maximum, interpolated between its samples."""
     power, depth = profile.values, profile["depth"].values
-    level = 10.0 ** (-TOLD_DB / 10.0) * power.max()
+    level = power_ratio_of(-TOLD_DB) * power.max()
     above = np.flatnonzero(power >= level)
     first, last = int(above[0]), int(above[-1])
     rise = np.interp(level, power[first - 1 : first + 1], depth[first - 1 : first + 1])

@@ -30,7 +30,7 @@ def spread(draws: Sequence[Mapping[str, float]]) -> dict[str, float]:
         stem, _, unit = name.rpartition("_")
         stem, end = (stem, f"_{unit}") if unit in UNITS else (name, "")
         found[f"family_{stem}_mean{end}"] = float(values.mean()) if values.size else np.nan
-        found[f"family_{stem}_se{end}"] = _error(values)
+        found[f"family_{stem}_se{end}"] = standard_error(values)
     return found
 
 
@@ -48,7 +48,7 @@ def spread_table(title: str, of: str, first: Mapping[str, float], draws: Sequenc
         line = [what, format(factor * first[name], form)]
         if draws:
             values = factor * _known(draws, name)
-            statistics = values.mean(), _error(values), values.min(), values.max()
+            statistics = values.mean(), standard_error(values), values.min(), values.max()
             line += [format(value, form) for value in statistics]
         lines.append(line)
     return Table(title=title, columns=columns, rows=lines)
@@ -59,6 +59,6 @@ def _known(draws: Sequence[Mapping[str, float]], name: str) -> Array:
     return values[np.isfinite(values)]
 
 
-def _error(values: Array) -> float:
-    """Standard error of the mean."""
+def standard_error(values: Array) -> float:
+    """Standard error of the mean; NaN for a single value."""
     return float(values.std(ddof=1) / np.sqrt(values.size)) if values.size > 1 else np.nan

@@ -11,11 +11,13 @@ from matplotlib.figure import Figure
 
 import mirrorfold as mf
 from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.geometry import reflect
 from mirrorfold.plotting.volumes import FEWEST
 from mirrorfold.reproducing.parts import bodies
 from mirrorfold.reproducing.parts.bodies import Folded
 from mirrorfold.reproducing.parts.raster import SNR_DB, without_pictures
 from mirrorfold.scenes.solids import Scene3D
+from mirrorfold.scenes.surfaces import surface_named
 from mirrorfold.simulation.raster.speckle import diffuse_share
 
 BOX, BEHIND, MIRROR = "extinguisher box", "inner wall", "outer wall"
@@ -27,7 +29,7 @@ LEAST = 0.006
 
 def box_of(scene: Scene3D) -> Any:
     """The box among the surfaces of a scene."""
-    return next(one for one in scene.surface if one.name == BOX)
+    return surface_named(scene, BOX)
 
 
 def over_wall_db(body: Folded) -> float:
@@ -53,14 +55,12 @@ def predicted_db(scene: Scene3D, body: Folded) -> float:
     A beam that a surface fills returns the power ``Q(t) cos(t)``, with the angle of incidence t and the share Q that
     is scattered diffusely.
     """
-    frequency, means = 0.5 * (scene.band.start + scene.band.stop), []
-    mirror = next(one for one in scene.surface if one.name == MIRROR)
-    center, normal = mirror.frame.shift, mirror.frame.linear[:, 1]
-    radar = np.array(scene.scanner.origin)
-    radar = radar - 2.0 * ((radar - center) @ normal) * normal
+    frequency, means = scene.band.middle, []
+    mirror = surface_named(scene, MIRROR)
+    radar = reflect(scene.scanner.origin, mirror.frame.shift, mirror.frame.linear[:, 1])
     known = body.known
     for name in (BOX, BEHIND):
-        finish: Any = next(one for one in scene.surface if one.name == name)
+        finish = surface_named(scene, name)
         mine = known.reachable & (np.array([known.names[int(one)] == name for one in known.owner]))
         sight = radar - known.place[mine]
         cosine = np.einsum("nd,nd->n", sight, known.normals[mine]) / np.linalg.norm(sight, axis=1)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.common.decibels import COLOURS
+from mirrorfold.common.decibels import COLOURS, power_ratio_of
 from mirrorfold.common.types import Array
 from mirrorfold.reproducing.findings import Table
 from mirrorfold.reproducing.parts.raster import (
@@ -133,7 +133,7 @@ def measure_thickness(
     wall = walls[0]
     sight = np.array([0.0, 1.0, 0.0])
     cosine = float(abs(sight @ wall.normal) / np.linalg.norm(wall.normal))
-    frequency = 0.5 * (scene.band.start + scene.band.stop)
+    frequency = scene.band.middle
     shares = [float(diffuse_share(wall, frequency, np.array([cosine]), inside=inside)[0]) for inside in (False, True)]
     predicted = np.array([_predicted_profile(found[0].mean(axis=0), wall, depth, *shares) for depth in depths])
     cell = HANN_TOLD * speed_of_light / (2.0 * (scene.band.stop - scene.band.start)) * cosine
@@ -197,7 +197,7 @@ def _profile(power: Array) -> xr.DataArray:
 
 def _center(power: Array) -> float:
     """Mean depth [m] of a profile, weighted by its power, without samples more than `TOLD_DB` below the maximum."""
-    weight = np.where(power > 10.0 ** (-TOLD_DB / 10.0) * power.max(), power, 0.0)
+    weight = np.where(power > power_ratio_of(-TOLD_DB) * power.max(), power, 0.0)
     return float((weight * DEPTHS).sum() / weight.sum())
 
 

@@ -6,10 +6,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.constants import Boltzmann, speed_of_light
+from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.describing.planning import TEMPERATURE, Instrument
+from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.describing.planning import Instrument, sample_noise, transmitted_power
 from mirrorfold.describing.quality import cell_diagonal
 from mirrorfold.describing.walls import shares
 from mirrorfold.focusing.grid import default_grid
@@ -18,7 +20,7 @@ from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.arrays import Band, LinearArray
 from mirrorfold.scenes.families import Radar, draw
 from mirrorfold.scenes.floor_plan import Scene
-from mirrorfold.scenes.surfaces import Roughness
+from mirrorfold.scenes.surfaces import Roughness, surface_named
 
 UNAMBIGUOUS = 5.0
 """Unambiguous range [m]: the farthest ghosts of hidden objects stand at 3.5 m, and echoes of rays end soon after."""
@@ -120,10 +122,9 @@ def noise_power(frequency: float) -> float:
     """
     electronics = Instrument()
     wavelength = speed_of_light / frequency
-    received = 1e-3 * 10.0 ** (0.1 * (electronics.power_dbm + 2.0 * electronics.gain_dbi)) * wavelength**2
+    received = transmitted_power(electronics) * power_ratio_of(2.0 * electronics.gain_dbi) * wavelength**2
     received /= (4.0 * np.pi) ** 2 * 2.0**2
-    noise = Boltzmann * TEMPERATURE * electronics.if_bandwidth * 10.0 ** (0.1 * electronics.noise_figure_db)
-    return float(noise / received / 2.0)
+    return float(sample_noise(electronics) / received / 2.0)
 
 
 def judged(work: Work, setting: Setting, seed: int, **settings: Any) -> Row:
@@ -163,17 +164,16 @@ def judge(setting: Setting, seed: int, **settings: Any) -> Row:
 
 def _length(scene: Scene, name: str) -> float:
     """Length of a surface [m]."""
-    return float(next(s.sample(0.01)[2].sum() for s in scene.surface if s.name == name))
+    return float(surface_named(scene, name).sample(0.01)[2].sum())
 
 
 def _distance(scene: Scene, name: str) -> float:
     """Distance of the middle of a surface from the radar [m]."""
-    return float(np.linalg.norm(next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)))
+    return float(np.linalg.norm(surface_named(scene, name).sample(0.01)[0].mean(axis=0)))
 
 
 def _range(scene: Scene, name: str) -> float:
     """Range of a surface's ghost in wall 2 [m]: the length of the path from the radar by way of this wall."""
-    wall = next(s for s in scene.surface if s.name == "wall 2").pieces(1.0)[0]
-    normal = np.array([wall[0, 1] - wall[1, 1], wall[1, 0] - wall[0, 0]]) / np.linalg.norm(wall[1] - wall[0])
-    middle = next(s.sample(0.01)[0].mean(axis=0) for s in scene.surface if s.name == name)
-    return float(np.linalg.norm(middle - 2.0 * ((middle - wall[0]) @ normal) * normal))
+    wall = surface_named(scene, "wall 2").pieces(1.0)[0]
+    middle = surface_named(scene, name).sample(0.01)[0].mean(axis=0)
+    return float(np.linalg.norm(reflect(middle, wall[0], segment_normal(*wall))))

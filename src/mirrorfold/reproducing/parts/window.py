@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.types import Array
 from mirrorfold.describing.planning import DULL_DB, INVISIBLE_DB
 from mirrorfold.describing.walls import shares
@@ -85,8 +86,8 @@ class Window:
         def mirrored(f: float) -> float:
             return -float(reflected(name, np.array(f), np.array(OBLIQUE), roughness)[0])
 
-        visible = {level: _rises_above(scattered, 10.0 ** (level / 10.0)) for level in VISIBLE_DB}
-        return cls(name, roughness, visible, _rises_above(mirrored, -(10.0 ** (DULL_DB / 10.0))))
+        visible = {level: _rises_above(scattered, power_ratio_of(level)) for level in VISIBLE_DB}
+        return cls(name, roughness, visible, _rises_above(mirrored, -power_ratio_of(DULL_DB)))
 
 
 def _rises_above(value: Callable[[float], float], level: float) -> float:

@@ -10,6 +10,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.reproducing.parts.scenes import plan_scene
 from mirrorfold.scenes.families.parts import OBJECT_ROUGHNESS, Generator, arc, wall
 from mirrorfold.scenes.floor_plan import Scene
+from mirrorfold.scenes.surfaces import surface_named
 from mirrorfold.scenes.visibility import visible_truth
 
 ELEMENTS, PITCH, EVERY = 161, 0.5e-3, 3
@@ -53,7 +54,7 @@ def corridor(bounces: int, seed: int, material: str) -> Scene:
 
 def alone(scene: Scene, distance: float) -> Scene:
     """The target of a scene by itself in line of sight, turned towards the radar."""
-    target = next(surface for surface in scene.surface if surface.name == "target")
+    target = surface_named(scene, "target")
     assert target.kind == "arc"
     content = arc("target", (0.0, distance + target.radius), target.radius, -90.0, SPAN)
     band = {"start": START, "stop": STOP, "points": POINTS}
@@ -64,8 +65,7 @@ def way(scene: Scene, bounces: int) -> float:
     """Length of the path from the radar to the target by way of the middles of the walls [m]."""
     places = [np.zeros(2)]
     for name in (*(f"wall {number + 1}" for number in range(bounces)), "target"):
-        surface = next(one for one in scene.surface if one.name == name)
-        places.append(surface.sample(0.01)[0].mean(axis=0))
+        places.append(surface_named(scene, name).sample(0.01)[0].mean(axis=0))
     return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
 
@@ -110,7 +110,7 @@ def _suitable(scene: Scene, bounces: int) -> bool:
     for i, one in enumerate(parts):
         if any(np.linalg.norm(one[:, None] - other, axis=-1).min() < APART for other in parts[i + 1 :]):
             return False
-    points, normals, _ = next(surface.sample(0.01) for surface in scene.surface if surface.name == "target")
+    points, normals, _ = surface_named(scene, "target").sample(0.01)
     if visible_truth(scene, points, normals, bounces=bounces - 1)[1].any():
         return False
     return bool(visible_truth(scene, points, normals, bounces=bounces)[1].mean() >= SHOWN)

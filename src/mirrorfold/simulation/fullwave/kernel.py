@@ -66,7 +66,7 @@ C = _fit(lambda q: np.cos(np.pi * np.sqrt(q)), 0.25, 5)
 PREFACTOR = np.float32(math.sqrt(2.0 / math.pi))
 NEAR_SQUARED = np.float32(NEAR**2)
 ONE, TWO = np.float32(1.0), np.float32(2.0)
-TURN = 1.0 / (2.0 * math.pi)
+TURNS_PER_RADIAN = 1.0 / (2.0 * math.pi)
 
 
 @njit(error_model="numpy", nogil=True, fastmath={"contract"})
@@ -76,7 +76,7 @@ def _far(x: float) -> complex:
     u = NEAR_SQUARED * z * z
     amplitude = A[0] + u * (A[1] + u * (A[2] + u * (A[3] + u * (A[4] + u * (A[5] + u * A[6])))))
     shift = z * (P[0] + u * (P[1] + u * (P[2] + u * (P[3] + u * (P[4] + u * (P[5] + u * P[6]))))))
-    turns = x * TURN + (np.float64(shift) - 0.125)
+    turns = x * TURNS_PER_RADIAN + (np.float64(shift) - 0.125)
     f = np.float32(turns - ((turns + ROUNDER) - ROUNDER))
     # Sine and cosine of the angle from those of half the angle, which needs no distinction of cases.
     q = f * f

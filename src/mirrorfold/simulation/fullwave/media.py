@@ -26,7 +26,7 @@ from scipy.special import hankel2e
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
-from mirrorfold.simulation.fullwave.kernel import NEAR, ROUNDER, C, S
+from mirrorfold.simulation.fullwave.kernel import NEAR, ONE, ROUNDER, TURNS_PER_RADIAN, TWO, C, S
 
 Complex = NDArray[np.complex64]
 Indices = NDArray[np.int64]
@@ -44,10 +44,8 @@ DEEPEST = 24.0
 HALVED = np.float32(0.5**6)
 """Factor on the exponent of the decay: it is halved six times, and the power series of the result squared six times."""
 
-ONE, TWO = np.float32(1.0), np.float32(2.0)
 E2, E3, E4, E5 = (np.float32(1.0 / math.factorial(n)) for n in range(2, 6))
 NEAR_SINGLE = np.float32(NEAR)
-TURN = 1.0 / (2.0 * math.pi)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +142,7 @@ def add_waves(
     Tests and sources have coordinates x, y [m] (`tx`, `ty`; `sx`, `sy`), monopole moments (`tm`; `sm`), and dipole
     moments along x and y (`tnx`, `tny`; `snx`, `sny`). `f` holds the coefficients of the `Medium`.
     """
-    magnitude, forward, nepers = abs(k), k.real * TURN, -k.imag
+    magnitude, forward, nepers = abs(k), k.real * TURNS_PER_RADIAN, -k.imag
     q = ratio
     # Complex factors of the four products s1 to s4 below: s1 and s2 multiply H0, s3 and s4 multiply H1.
     mono, both, mixed, dipole = strength * strength, q * q, q * strength, q * q * magnitude / k

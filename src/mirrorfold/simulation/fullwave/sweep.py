@@ -42,15 +42,15 @@ SEARCH_STEPS = 800
 def fullwave_field(
     scene: Scene,
     *,
-    tolerance: float = 1e-3,
-    seed: int = 0,
-    direct: bool = False,
-    check_residual: bool = False,
-    workers: int = 1,
-    scheduler: str | None = None,
-    checkpoint: Path | None = None,
-    resume: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    tolerance: float,
+    seed: int,
+    direct: bool,
+    check_residual: bool,
+    workers: int,
+    scheduler: str | None,
+    checkpoint: Path | None,
+    resume: bool,
+    progress: Callable[[int, int], None] | None,
 ) -> tuple[Complex, dict[str, float]]:
     """The field at each receiver for each transmitter, whose own far field is ``exp(-j k d) / sqrt(d)``.
 
@@ -123,7 +123,7 @@ def fullwave_field(
     return s, facts
 
 
-def estimate_sweep(scene: Scene, *, tolerance: float = 1e-3, seed: int = 0) -> Estimate:
+def estimate_sweep(scene: Scene, *, tolerance: float, seed: int) -> Estimate:
     """Estimate the cost of the full-wave sweep of a scene. This takes as long as the preparation of the sweep.
 
     Parameters
@@ -177,9 +177,7 @@ def check_resources(cost: Estimate, *, workers: int, folder: Path | None) -> Non
 
 def warn_of_wrapped_echoes(scene: Scene) -> None:
     """Warn if strong echoes come from beyond the ambiguous range, and say how many frequencies are needed."""
-    step = (scene.band.stop - scene.band.start) / (scene.band.points - 1)
-    ambiguous = speed_of_light / (2.0 * step)
-    longest = longest_strong_echo(scene)
+    ambiguous, longest = scene.band.ambiguous_range, longest_strong_echo(scene)
     if longest > ambiguous:
         needed = int(np.ceil((scene.band.stop - scene.band.start) * 2.0 * longest / speed_of_light)) + 1
         warnings.warn(
@@ -204,7 +202,7 @@ def longest_strong_echo(scene: Scene) -> float:
         array = replace(array, elements=2, pitch=array.pitch * (array.elements - 1), missing=())
     step = (scene.band.stop - scene.band.start) / (scene.band.points - 1) / LONGER
     steps = min(LONGER * (scene.band.points - 1), SEARCH_STEPS)
-    middle = 0.5 * (scene.band.start + scene.band.stop)
+    middle = scene.band.middle
     band = Band(start=middle - 0.5 * steps * step, stop=middle + 0.5 * steps * step, points=steps + 1)
     s = scattered_field(replace(scene, surface=straight, array=array, band=band), bounces=3, seed=0)
     profile = np.abs(np.fft.ifft(s * hann(steps + 1)[:, None, None], axis=0)).max(axis=(1, 2))

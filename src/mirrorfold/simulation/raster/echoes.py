@@ -119,7 +119,7 @@ def find_echoes(scene: Scene3D, *, bounces: int, seed: int, density: float = 1.0
     traced = traced_scene(scene, parts)
     speckle = draw_scatterers(scene, parts, seed=seed, density=density)
     origin = np.array(scene.scanner.origin)
-    frequency = 0.5 * (scene.band.start + scene.band.stop)
+    frequency = scene.band.middle
     fan = [np.linspace(a[0] - _margin(scene), a[-1] + _margin(scene), FAN) for a in scene.scanner.angles]
     directions = beam_direction(fan[0][:, None], fan[1]).reshape(-1, 3)
     chains = find_chains(scene, traced, origin, directions, bounces=bounces, frequency=frequency)
@@ -137,7 +137,7 @@ def _no_echoes() -> Echoes3D:
 
 def _margin(scene: Scene3D) -> float:
     """Angle [degree] beyond the scanned directions that the outermost beams still reach in their far field."""
-    wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
+    wavelength = speed_of_light / scene.band.middle
     return float(np.degrees(BEAM_EDGE * wavelength / (np.pi * scene.scanner.spot_radius)))
 
 
@@ -290,7 +290,7 @@ def _in_view(scene: Scene3D, position: Array, width: Array | None = None) -> Mas
     """
     azimuth, elevation = beam_angles(position)
     range_ = np.linalg.norm(position, axis=1)
-    wavelength = 2.0 * speed_of_light / (scene.band.start + scene.band.stop)
+    wavelength = speed_of_light / scene.band.middle
     reach = beam_reach(scene.scanner.radius(range_, wavelength) if width is None else width, range_)
     inside = np.ones(len(position), dtype=bool)
     for angle, axis in zip((azimuth, elevation), scene.scanner.angles, strict=True):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.decibels import ratio_of
+from mirrorfold.common.decibels import power_ratio_of, ratio_of
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array, Index
@@ -65,7 +65,7 @@ def specular_amplitude(
 
 def kept_share(finish: Finish) -> float:
     """Share of the reflected power that `diffuse_fraction` and `loss_db` leave in the specular direction."""
-    return (1.0 - finish.diffuse_fraction) * 10.0 ** (-finish.loss_db / 10.0)
+    return (1.0 - finish.diffuse_fraction) * power_ratio_of(-finish.loss_db)
 
 
 def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bool) -> Array:
@@ -77,7 +77,7 @@ def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bo
     """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     reflected = np.abs(finish.substance.reflection(frequency, angle)) ** 2
-    kept = 10.0 ** (-finish.loss_db / 10.0)
+    kept = power_ratio_of(-finish.loss_db)
     if inside:
         return np.asarray(VOLUME_SHARE * (1.0 - reflected) * kept)
     coherent = _coherent(finish, frequency, angle) ** 2 * (1.0 - finish.diffuse_fraction)

@@ -19,6 +19,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import beam_angles, beam_direction
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.forecasts import expect
+from mirrorfold.common.noise import complex_noise
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.common.threads import counted, for_each
 from mirrorfold.common.types import Progress
@@ -38,11 +39,10 @@ def simulate_raster(
     *,
     bounces: int,
     seed: int,
-    snr_db: float | None = None,
-    force: bool = False,
-    density: float = 1.0,
-    memory_limit: float | None = None,
-    progress: Progress | None = None,
+    snr_db: float | None,
+    force: bool,
+    memory_limit: float | None,
+    progress: Progress | None,
 ) -> xr.Dataset:
     """The sweep ``s(frequency, azimuth, elevation)`` that a raster scanner measures in a scene.
 
@@ -61,8 +61,6 @@ def simulate_raster(
         mean power one.
     force : bool
         Continue even if the frequencies are too few for the longest return, or the scan step is too wide for the beam.
-    density : float
-        Scatterers per area, relative to the default.
     memory_limit : float [B], optional
         Total memory that the process may hold.
     progress : callable (done, total), optional
@@ -79,7 +77,7 @@ def simulate_raster(
     waves = POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
     samples = {"sweep": 8.0 * len(waves) * azimuth.size * elevation.size * scene.band.points}
     expect(samples | {"its copy": samples["sweep"]}, beams, "give fewer, or raise the limit", limit=memory_limit)
-    settings: dict[str, Any] = {"bounces": bounces, "seed": seed, "density": density, "force": force}
+    settings: dict[str, Any] = {"bounces": bounces, "seed": seed, "force": force}
     settings |= {"noise_alone": snr_db is not None, "progress": progress}
     parts = {one: _without_noise(replace(scene, polarization=one), **settings) for one in waves}
     sweeps: dict[str, xr.Dataset] = {one: sweep for one, (sweep, _) in parts.items()}
@@ -94,15 +92,14 @@ def simulate_raster(
 
 
 def _without_noise(
-    scene: Scene3D, *, bounces: int, seed: int, density: float, force: bool, noise_alone: bool,
-    progress: Progress | None,
+    scene: Scene3D, *, bounces: int, seed: int, force: bool, noise_alone: bool, progress: Progress | None
 ) -> tuple[xr.Dataset, bool]:  # fmt: skip
     """The sweep in one polarization without noise and leakage, and whether the scene returns anything.
 
     If it returns nothing and `noise_alone` is set, the sweep is noise of mean power one.
     """
     azimuth, elevation = scene.scanner.angles
-    echoes, counts = find_echoes(scene, bounces=bounces, seed=seed, density=density)
+    echoes, counts = find_echoes(scene, bounces=bounces, seed=seed)
     if not echoes.range.size and not noise_alone:
         raise InputError(
             f"scene {scene.name!r}: there is nothing to simulate, no surface returns anything to the scanner; "
@@ -113,9 +110,8 @@ def _without_noise(
     if echoes.range.size:
         s = measure(scene, echoes, progress=progress)
     else:
-        shape = (azimuth.size, elevation.size, scene.band.points, 2)
-        noise = np.random.default_rng(seed).standard_normal(shape, dtype=np.float32).view(np.complex64)
-        s = np.moveaxis(noise[..., 0] * np.float32(np.sqrt(0.5)), -1, 0)
+        noise = complex_noise(np.random.default_rng(seed), azimuth.size, elevation.size, scene.band.points)
+        s = np.moveaxis(noise * np.float32(np.sqrt(0.5)), -1, 0)
     sweep = make_raster_sweep(
         s,
         frequency=scene.band.frequency,

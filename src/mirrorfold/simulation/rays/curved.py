@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.geometry import Isometry, cross2, segment_normal
+from mirrorfold.common.geometry import Isometry, cross2, reflect_each, segment_normal
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -180,8 +180,7 @@ def _trace_rays(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array
             break
         angles[on, level] = at[on]
         place = np.where(on[:, None], reached, place)
-        out = way - 2.0 * np.sum(way * normal, axis=1)[:, None] * normal
-        heading = np.where(on[:, None], out, heading)
+        heading = np.where(on[:, None], reflect_each(way, 0.0, normal), heading)
     return angles, place, heading
 
 

@@ -37,7 +37,7 @@ from mirrorfold.simulation.rays.slabs import (
 
 def _knots(band: Band) -> Array:
     """Both ends of the band and its middle, (3, 1) array [Hz]."""
-    return np.array([[band.start], [0.5 * (band.start + band.stop)], [band.stop]])
+    return np.array([[band.start], [band.middle], [band.stop]])
 
 
 def _traced(chain: Chain | CurvedChain, points: Points, outline: Outline) -> ChainPaths:

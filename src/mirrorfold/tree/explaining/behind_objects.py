@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.geometry import turned
 from mirrorfold.common.types import Array, Chain, Index, Mask
 from mirrorfold.detection import ImageView
 from mirrorfold.tree.assignment import Found
@@ -111,7 +112,7 @@ def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: A
     path, passed = stands - leaves, np.zeros(len(stands), dtype=bool)
     length = np.maximum(np.linalg.norm(path, axis=1), np.finfo(float).tiny)
     ahead = path / length[:, None]
-    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    aside = turned(ahead)
     for places, neighbours, brightest in surfaces:
         pieces = 1 + len(stands) * len(neighbours) // AT_ONCE
         for some in np.array_split(np.flatnonzero(amplitude <= brightest), pieces):

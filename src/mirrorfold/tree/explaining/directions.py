@@ -15,6 +15,7 @@ from scipy.spatial.distance import cdist
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.phasor import unit_phasor
+from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView
@@ -258,7 +259,7 @@ def _bistatic(
         part = near_first[first : first + at_once]
         paths = 2.0 * range_[part]
         k, samples, taper = windows.window(paths.min() - sum(spread), paths.max() + sum(spread))
-        dk, size = float(k[-1] - k[0]) / max(k.size - 1, 1), _group_size(k, spread[1])
+        dk, size = mean_step(k), _group_size(k, spread[1])
         r = np.repeat(range_[part], sent.shape[1])
         # Adding the range here, which the receivers' sum subtracts again, keeps the phases there small.
         path = cdist(tx.position, places(r, sent[part].ravel())) + r

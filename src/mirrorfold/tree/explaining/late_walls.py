@@ -14,7 +14,8 @@ from itertools import cycle, permutations
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from mirrorfold.common.geometry import segment_normal
+from mirrorfold.common.decibels import ratio_of
+from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.search.lines import SMALLEST_FILL
@@ -66,7 +67,7 @@ def from_late_walls(order: Order, echoes: Echoes) -> Mask:
     beside = np.clip(echoes.direction + np.arange(-aside, aside + 1)[:, None], 0, len(view.sight) - 1)
     stretch = round(STRETCH_CELLS * view.u_cell / view.du)
     for (first, strength), (second, second_strength) in permutations(walls, 2):
-        weak = echoes.amplitude <= 10.0 ** (BRIGHTER_DB / 20.0) * max(strength, second_strength) * faded
+        weak = echoes.amplitude <= ratio_of(BRIGHTER_DB) * max(strength, second_strength) * faded
         late_ways = met_in_turn(view, first, second, 2.0 * view.ambiguous)[FEWEST_BOUNCES - 1 :] - view.ambiguous
         for late in late_ways:
             expected = late > view.range[0]
@@ -104,5 +105,5 @@ def met_in_turn(view: ImageView, first: Array, second: Array, farthest: float) -
         if np.isnan(range_).all():
             break
         met.append(range_)
-        sight = sight - 2.0 * (sight @ normal)[:, None] * normal
+        sight = reflect(sight, 0.0, normal)
     return np.reshape(met, (len(met), len(view.sight)))

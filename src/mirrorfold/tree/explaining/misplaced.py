@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import cKDTree
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, View
 from mirrorfold.detection.echoes import strongest_of
@@ -51,7 +52,7 @@ def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known |
     `known` holds the measurements of earlier calls, by range [m] and u; those of this call are added.
     """
     known = {} if known is None else known
-    claimed = 10.0 ** (MARGIN_DB / 20.0) * _once_a_cell(lobe_level, *_seen(echoes), waves, view, known)
+    claimed = ratio_of(MARGIN_DB) * _once_a_cell(lobe_level, *_seen(echoes), waves, view, known)
     beside = echoes.amplitude <= claimed
     late = _once_a_cell(wrapping_ratio, *_seen(echoes), waves, view, known) > LARGEST_WRAPPING_RATIO
     mixed = np.zeros_like(late)
