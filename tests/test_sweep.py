@@ -313,3 +313,28 @@ def test_the_beam_of_a_scan_may_be_written_with_units():
     for wrong in ("wide", -0.01, np.nan, [0.01, 0.02]):
         with pytest.raises(InputError, match=r"attr spot_radius is .* expected a positive number of metres"):
             check_sweep(scan.assign_attrs(spot_radius=wrong))
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "said"),
+    [
+        ([0.0, -1.0, 2.0], [0.0, 1.0], "azimuth must rise from beam to beam; sort the beams"),
+        ([0.0, 180.0, 360.0], [0.0, 1.0], "azimuth goes from 0 to 360, expected less than a full turn"),
+        ([170.0, 180.0, 190.0], [80.0, 90.0], "elevation goes from 80 to 90, expected .* less than 90"),
+    ],
+)
+def test_directions_that_no_scan_has_are_refused(azimuth, elevation, said):
+    samples, frequency = np.ones((4, 3, 2), complex), 290e9 + 1e8 * np.arange(4)
+    with pytest.raises(InputError, match=said):
+        mf.make_raster_sweep(samples, frequency=frequency, azimuth=azimuth, elevation=elevation)
+
+
+@pytest.mark.parametrize("middle", [90.0, 180.0, 359.0])
+def test_a_scan_may_look_anywhere(middle):
+    """A turntable counts from 0 to 360 degrees; the radar may look back."""
+    frequency, azimuth = 290e9 + 1e8 * np.arange(64), np.linspace(-2.0, 2.0, 5)
+    samples = np.exp(-4j * np.pi / 299792458.0 * frequency[:, None, None] * 0.8) * np.ones((5, 5))
+    given = {"frequency": frequency, "elevation": azimuth}
+    ahead, there = (mf.focus(mf.make_raster_sweep(samples, azimuth=azimuth + turn, **given)) for turn in (0.0, middle))
+    np.testing.assert_array_equal(there.values, ahead.values)
+    np.testing.assert_allclose(there["azimuth"], azimuth + middle)

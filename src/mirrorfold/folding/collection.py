@@ -113,7 +113,10 @@ def _remark(
             f"{which} in the radar's sight within the image, {', '.join(reach)}; give metres, as the image shows them"
         )
     if not found.tree.mirrors:
-        wanted = f"no straight row of echoes is {settings.minimum_length:.3g} m long and stands out of its surroundings"
+        form = ("straight row", "long") if "azimuth" not in image.dims else ("flat sheet", "wide and as much high")
+        wanted = (
+            f"no {form[0]} of echoes is {settings.minimum_length:.3g} m {form[1]} and stands out of its surroundings"
+        )
         why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"
         if from_above is not None:
             why = (

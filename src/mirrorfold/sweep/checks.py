@@ -306,10 +306,18 @@ def _check_positions(sweep: xr.Dataset, refuse: Refuse) -> None:
 
 
 def _check_directions(sweep: xr.Dataset, refuse: Refuse) -> None:
-    """Refuse beam directions that are not rising angles between -90 and 90 degrees."""
+    """Refuse beam directions that do not rise, azimuths of a full turn, and elevations beyond -90 to 90 degrees."""
     for name in ("azimuth", "elevation"):
         angle = sweep[name].values
         if sweep[name].dims != (name,) or angle.dtype.kind not in "fiu" or not np.isfinite(angle).all():
             raise refuse(f"{name} holds values that are not finite numbers; give every beam its direction in degrees")
-        if np.any(np.diff(angle) <= 0) or np.abs(angle).max(initial=0.0) >= 90.0:
-            raise refuse(f"{name} must rise from more than -90 to less than 90 degrees; sort the beams")
+        if np.any(np.diff(angle) <= 0):
+            raise refuse(f"{name} must rise from beam to beam; sort the beams")
+    azimuth, elevation = sweep["azimuth"].values, sweep["elevation"].values
+    if azimuth[-1] - azimuth[0] >= 360.0:
+        raise refuse(f"azimuth goes from {azimuth[0]:g} to {azimuth[-1]:g}, expected less than a full turn in degrees")
+    if elevation[0] <= -90.0 or elevation[-1] >= 90.0:
+        raise refuse(
+            f"elevation goes from {elevation[0]:g} to {elevation[-1]:g}, expected degrees above the horizon, more than "
+            "-90 and less than 90"
+        )

@@ -15,16 +15,18 @@ STRONG_SHARE = 0.75
 30 dB, which is as much as bright echoes exceed the threshold."""
 
 
-def object_numbers(view: View, range_: Array, direction: Index) -> Index:
+def object_numbers(view: View, range_: Array, direction: Index, depth: float | None = None) -> Index:
     """Number of the object that each echo belongs to, (n,), from the echoes' ranges [m] and directions.
 
     Two echoes touch if they differ in direction by at most `STRONG_SHARE` of a beam's half-width, and in range by at
-    most the depth of an object, `View.object_depth`: from one line of sight to the next, the range of a slanting
-    surface changes by many range cells. Echoes that touch, directly or by way of others, are of one object.
+    most `depth` [m]. By default this is the depth of an object, `View.object_depth`: from one line of sight to the
+    next, the range of a slanting surface changes by many range cells. Echoes that touch, directly or by way of others,
+    are of one object.
     """
     reach = np.rint(STRONG_SHARE * view.beside_steps(range_))
     steps = np.unravel_index(direction, view.shape)
-    places = np.column_stack([range_ / view.object_depth(range_), *(axis / reach for axis in steps)])
+    deep = view.object_depth(range_) if depth is None else depth
+    places = np.column_stack([range_ / deep, *(axis / reach for axis in steps)])
     pairs = cKDTree(places).query_pairs(1.0, p=np.inf, output_type="ndarray")
     return connected(pairs, len(places))
 

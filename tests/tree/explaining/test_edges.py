@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from synthetic import echoes_at, empty_view
 
+from mirrorfold.detection import fold_of
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.views.volume_view import VolumeView
@@ -151,3 +152,25 @@ def test_a_slanting_object_beside_a_plane_is_one_object_from_beam_to_beam(scan, 
     tree, _ = assign_echoes(order_mirrors([wall], scan, echoes, settings), echoes)
     assert len(tree.mirrors[0].objects) == mirrored
     assert len(tree.objects) == slanting.sum() - mirrored
+
+
+def test_in_a_corner_of_two_planes_a_wall_seen_in_the_other_stays_its_image(scan):
+    """It begins at the edge where both meet, and all of it is 20 dB weaker than the wall beyond that edge."""
+    view = replace(scan, beam=(0.05, 2.0, 1e-3))
+    azimuth = np.degrees(view.axes[0])[np.arange(len(view.sight)) // len(view.elevation)]
+    edge, across = np.array([0.0, 2.0, 0.0]), (np.array([0.6, -0.8, 0.0]), np.array([-0.8, -0.6, 0.0]))
+    left, right = (
+        PlaneMirror(edge, normal, np.empty((0, 3)), some).part_in_beams(view, some)
+        for normal, some in zip(across, (azimuth < 0.0, azimuth > 0.0), strict=True)
+    )
+    image = fold_of((left,), 3)(edge + np.linspace(0.01, 0.4, 40)[:, None] * [0.6, -0.8, 0.0])
+    high = np.concatenate([image + np.array([0.0, 0.0, height]) for height in np.linspace(-0.3, 0.3, 15)])
+    range_, beam, _ = view.locate(high)
+    keep = azimuth[beam] < 0.0
+    faint = view.points(range_[keep], beam[keep])
+    walls = np.concatenate([left.places(view), right.places(view)])
+    echoes = echoes_at(view, [*walls, *faint], np.append(np.ones(len(walls)), 0.1 * np.ones(len(faint))))
+    settings = FoldSettings(minimum_length=0.1, wall_margin=0.0)
+    tree, _ = assign_echoes(order_mirrors([left, right], view, echoes, settings), echoes)
+    assert not len(tree.objects)
+    assert len(tree.mirrors[0].objects) > 0.75 * len(faint)  # the others lie on the walls

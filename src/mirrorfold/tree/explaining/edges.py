@@ -61,12 +61,14 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     """As `beyond_ends`, for echoes that are seen by way of a mirror, less than a beam before its end, (n,).
 
     Such an echo is assigned to what is seen beside that end, by way of the mirror's parent or of a mirror before it, if
-    the echoes beyond the end that it touches are brighter, and if no echo of the same object is a beam or more before
-    the end, but for the foot of that beam. Beyond the end may also stand a wall, whose row seems to go on before it.
+    the echoes beyond the end that it touches, at its own range, are brighter, and if no echo of the same object is a
+    beam or more before the end, but for the foot of that beam. Beyond the end may also stand a wall, whose row seems to
+    go on before it.
     """
     sight, view, corrected = order.sight, order.sight.view, owner.copy()
     if not order.mirrors:
         return corrected
+    same_range = BEHIND_CELLS * view.range_cell
     through, of_wall = sight.seen_through(echoes.range, echoes.direction), order.shown_by(echoes)
     of_wall[~(echoes.visible & echoes.strong) | (order.face < 0)] = UNSEEN
     sides = view.beside(echoes.range, echoes.direction, STRONG_SHARE)
@@ -83,11 +85,15 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
                 # Not beside the end of a mirror that is seen in this one. Beyond its end, a curved one shows nothing.
                 if other not in (ROOT, parent) and (sight.parent[other] == mirror or order.mirrors[other].curvature):
                     continue
-                own = np.flatnonzero((owner == other) | here | (near & (of_wall == other)))
+                wall = near & (of_wall == other) & (order.face != mirror)
+                own = np.flatnonzero((owner == other) | here | wall)
                 before = owner[own] == mirror
                 beside = before & (shown[own] == other)
-                number = object_numbers(view, echoes.range[own], echoes.direction[own])
-                inside, beyond, far = (brightest_of(number, np.where(some, echoes.amplitude[own], 0.0))
+                place, amplitude = (echoes.range[own], echoes.direction[own]), echoes.amplitude[own]
+                number, level = object_numbers(view, *place), object_numbers(view, *place, depth=same_range)
+                inside, beyond, far = (brightest_of(number, np.where(some, amplitude, 0.0))
                                        for some in (before, ~before, before & ~beside))  # fmt: skip
-                corrected[own[before & ((beyond > inside) & (far <= FALLEN * beyond))[number]]] = other
+                foot = before & ((beyond > inside) & (far <= FALLEN * beyond))[number]
+                outshone = brightest_of(level, np.where(before, 0.0, amplitude))[level] > amplitude
+                corrected[own[foot & outshone]] = other
     return corrected
