@@ -41,7 +41,10 @@ class InputError(ValueError):
 
 
 class EndedError(InputError):
-    """A worker process has ended before its time; the input need not be wrong, so the exit code is 1."""
+    """The work has failed, but the input need not be wrong: a worker process has ended, or a method fails everywhere.
+
+    The exit code is 1.
+    """
 
 
 def shortened(sentence: str) -> str:

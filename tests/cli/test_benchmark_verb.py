@@ -7,7 +7,10 @@ from dataclasses import replace
 import pytest
 
 from mirrorfold.benchmarking.results import FILE
+from mirrorfold.benchmarking.scenes import Line
+from mirrorfold.benchmarking.summaries import summarise
 from mirrorfold.cli import main
+from mirrorfold.cli.study_tables import show_benchmark
 from mirrorfold.scenes.families import FAMILIES, RADARS
 
 METHODS = """
@@ -63,14 +66,35 @@ def test_a_table_for_people_and_the_files(run, capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_failures_are_told_and_the_work_is_done(run, capsys):
-    assert run("--seeds", "1", "-o", "out", method="wrong") == 0
+def test_a_method_that_fails_on_every_scene_fails_the_command_and_the_work_is_done(run, capsys, tmp_path):
+    assert run("--seeds", "1", "-o", "out", "--method", "judged_here:nothing", method="wrong") == 1
     printed = capsys.readouterr()
     assert "0/1" in printed.out
+    assert "1/1" in printed.out
+    assert (tmp_path / "out" / "table.md").is_file()
     expected = (
         "judged_here:wrong failed on 1 of 1 scenes, most often so: the method raised ValueError: wrong from the start"
     )
-    assert printed.err == f"mirrorfold: note: {expected}\n"
+    assert printed.err == (
+        f"mirrorfold: note: {expected}\n"
+        "mirrorfold: judged_here:wrong failed on every scene; out/scenes.jsonl holds the reasons\n"
+    )
+
+
+def test_no_figure_is_cut_off_the_table(capsys):
+    long = "a family with a name as long as these names may be at most"
+    lines = [
+        Line(family=long, radar="small", seed=seed, method=f"somebody.folding:variant_{seed}", version="", scene="",
+             error="none", seconds={"simulate": 3.0, "fold": 4.0}, score=None)
+        for seed in range(2)
+    ]  # fmt: skip
+    show_benchmark(summarise(lines))
+    title, *_, first, second = capsys.readouterr().out.rstrip().split("\n")
+    assert title.startswith("radar small")
+    for seed, row in enumerate((first, second)):
+        assert row.split("  ")[0] == long
+        assert f"somebody.folding:variant_{seed}" in row
+        assert row.rstrip().endswith("7 s")
 
 
 @pytest.mark.slow

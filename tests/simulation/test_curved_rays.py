@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from floor_plans import make_scene
+from floor_plans import make_scene, segment
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
@@ -204,3 +204,11 @@ def test_ghost_in_a_pillar_is_that_of_full_waves(radius: float) -> None:
         assert abs(20.0 * np.log10(abs(ratio))) < 0.5
         assert abs(np.degrees(np.angle(ratio))) < 5.0
         assert abs(path[peak] - path[np.abs(waves[n, m]).argmax()]) < 2e-3
+
+
+def test_an_arc_may_turn_its_outer_side_to_some_of_the_antennas_only() -> None:
+    # The circle of the arc passes through the middle of the array: half of the antennas lie inside of it.
+    scene = make_scene(arc((-0.5, 0.0), 0.5, 20.0, 18.0), segment((0.4, 0.1), (0.4, 1.0)), elements=41)
+    s = simulate(scene)["s"].values
+    assert np.isfinite(s).all()
+    np.testing.assert_allclose(s, s.transpose(0, 2, 1), atol=1e-6 * np.abs(s).max())

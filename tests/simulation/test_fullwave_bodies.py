@@ -18,7 +18,7 @@ from mirrorfold.scenes.materials import Dielectric
 from mirrorfold.simulation import estimate
 from mirrorfold.simulation.fullwave.boundaries import Boundaries
 from mirrorfold.simulation.fullwave.checkpoint import fingerprint
-from mirrorfold.simulation.fullwave.compression import compress
+from mirrorfold.simulation.fullwave.compression import MOST_UNKNOWNS, compress
 from mirrorfold.simulation.fullwave.media import medium
 from mirrorfold.simulation.fullwave.preparation import prepare
 from mirrorfold.simulation.fullwave.solver import System, residual, scattered
@@ -227,6 +227,16 @@ def test_compressed_is_dense_to_the_tolerance_and_reciprocal(slab_and_strip):
     assert distance(s, scattered(replace(system, roots=()), 0.97 * K)) < 1e-3
     assert distance(s.T, s) < 1e-3
     assert residual(system, 0.97 * K, seed=0) < 2e-3
+
+
+def test_a_foil_is_cut_into_groups_that_stay_small_and_give_the_dense_solution():
+    # 8 nodes over 1/40 of a wavelength are 320 nodes per wavelength on either side.
+    system = prepare(wall(3, 0.025, 2.56))
+    leaves = [len(group.members) for root in system.roots for group in root.walk() if not group.children]
+    assert len(leaves) > 4
+    assert max(leaves) < 1.2 * MOST_UNKNOWNS
+    s = scattered(system, K)
+    assert distance(s, scattered(replace(system, roots=()), K)) < 1e-3
 
 
 # Scenes

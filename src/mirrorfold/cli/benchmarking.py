@@ -13,7 +13,7 @@ from mirrorfold.cli.study_tables import show_benchmark, show_benchmark_compariso
 from mirrorfold.cli.terminal import progress, remark, show_json, show_result
 from mirrorfold.cli.writing import output_directory, output_file, required
 from mirrorfold.common.records import Number, Record, fact
-from mirrorfold.errors import InputError
+from mirrorfold.errors import EndedError, InputError
 from mirrorfold.io.suffixes import PICTURES
 from mirrorfold.plotting.saving import save_figure
 
@@ -132,6 +132,10 @@ def benchmark(
         remark([f"{before[0]} of {steps[1]} scenes were done before; after a change of a method, give another folder"])
     files = [output / name for name in (FILE, *names)]
     show_result(result, files, show_benchmark, json=json)
+    scored = {one.method for one in result.results if one.failures < one.scenes}
+    failed = [name for name in dict.fromkeys(methods) if name not in scored]
+    if failed:
+        raise EndedError(f"{', '.join(failed)} failed on every scene; {output / FILE} holds the reasons")
 
 
 def compare_benchmarks(first: str, second: str, *, output: OptionalOutput = None, json: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 from mirrorfold.cli.terminal import WIDE, CleanTable, console, duration, number, show_files, table_of
@@ -14,6 +15,12 @@ if TYPE_CHECKING:
     from mirrorfold.describing.comparison import Comparison
     from mirrorfold.describing.planning import Plan
     from mirrorfold.reproducing import Reproduction
+
+HEADING_WIDTH = 10
+"""Width at which the headings of figures are broken into lines [characters]."""
+
+UNLIMITED = 10_000
+"""Width that no table needs [characters]."""
 
 
 def show_comparison(found: Comparison) -> None:
@@ -56,9 +63,9 @@ def show_benchmark(found: Benchmark) -> None:
         shown = shown_figures(usual, [result for result in found.results if result.radar == radar])
         table = table_of(f"radar {radar}: means over the scenes")
         for heading in ("family", "method"):
-            table.add_column(heading, overflow="fold", min_width=max(len(one[heading]) for one in found.results))
+            table.add_column(heading)
         for heading in ("done", *(FIGURES[name].label for name in shown), "F, hidden, worst", "time"):
-            table.add_column(heading, justify="right")
+            table.add_column(textwrap.fill(heading, HEADING_WIDTH, break_long_words=False), justify="right")
         for result in found.results:
             if result.radar == radar:
                 means = (number(result.figures[name].mean, f".{FIGURES[name].digits}f") for name in shown)
@@ -66,7 +73,10 @@ def show_benchmark(found: Benchmark) -> None:
                 counts = f"{result.scenes - result.failures}/{result.scenes}"
                 taken = duration(sum(result.seconds.values()))
                 table.add_row(result.family, result.method, counts, *means, worst, taken)
-        console(WIDE).print(table)
+        on = console(WIDE)
+        needed = on.measure(table, options=on.options.update(max_width=UNLIMITED)).maximum
+        on.width = max(on.width, needed)  # in a narrow window lines are continued below: no figure may be cut off
+        on.print(table)
 
 
 def show_benchmark_comparison(found: BenchmarkComparison) -> None:

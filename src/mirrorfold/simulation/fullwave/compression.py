@@ -28,6 +28,10 @@ Indices = NDArray[np.int64]
 LEAF = 10.0
 """Length of the smallest groups, the leaves [wavelengths]."""
 
+MOST_UNKNOWNS = 500
+"""Largest number of unknowns of a leaf, on average: a foil has thousands of nodes per wavelength, as many as its small
+thickness requires, and the work on a leaf grows with the cube of their number."""
+
 FAN_OUT = 4
 """Number of groups that are joined to one group of the next level."""
 
@@ -112,7 +116,8 @@ def compress(equation: Equation, antennas: Array, *, k: float, tolerance: float)
         # The tolerance is relative to the strongest fields, inside a body; weaker ones outside must be right, too.
         finest = tolerance / equation.strength(surface, k)
         length = nodes.weight[members].sum()
-        leaves = max(1, round(length / (LEAF * wavelength)))
+        unknowns = len(equation.unknowns_at(np.sort(members)))
+        leaves = max(1, round(length / (LEAF * wavelength)), -(-unknowns // MOST_UNKNOWNS))
         bounds = np.searchsorted(np.cumsum(nodes.weight[members]), np.linspace(0.0, length, leaves + 1)[1:-1])
         parts = [np.sort(part) for part in np.split(members, bounds)]
         groups = [_skeletonise(equation, part, equation.unknowns_at(part), (), antennas, k, finest) for part in parts]

@@ -194,8 +194,8 @@ def _fan(antenna: Array, arcs: Array) -> tuple[Array, Array, Array, NDArray[np.b
     intervals = _lit_intervals(antenna, arcs[0])
     for level in range(1, len(arcs)):
         intervals = _intervals_meeting(antenna, arcs, level, intervals)
-        if not intervals:
-            return None
+    if not intervals:
+        return None
     parts = []
     for interval in intervals:
         angles, place, heading = _trace_rays(antenna, arcs, interval)

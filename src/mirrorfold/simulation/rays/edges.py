@@ -7,7 +7,9 @@ minus (specular point on the mirror) or plus (beyond its end) the wave from the 
 
     G(v) = exp(j pi v^2 / 2) (1 + j) / 2 * integral from v to infinity of exp(-j pi t^2 / 2) dt,
 
-whose magnitude is 1/2 on the edge of the beam and ``1 / (sqrt(2) pi v)`` far from it.
+whose magnitude is 1/2 on the edge of the beam and ``1 / (sqrt(2) pi v)`` far from it. Over the end of length L, and the
+specular path of length l, the wave spreads as ``sqrt(2 / (L + l))``. So it is the reflected part of Sommerfeld's exact
+solution for a half-plane at all angles (Born and Wolf, section 11.7), and far from the beam of Keller's wave.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from scipy.special import wofz
 from mirrorfold.common.geometry import reflect, segment_normal, signed_distance
 from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import TOUCH, Outline
-from mirrorfold.simulation.rays.paths import Chain, Points, trace
+from mirrorfold.simulation.rays.paths import EDGE, Chain, Points, trace
 
 INSET = 1e-3
 """Distance [m] from the end of a mirror at which antennas must see the mirror for an edge wave: about a wavelength."""
@@ -47,7 +49,8 @@ class EdgeWaves:
     specular : (waves,) array [m]
         Length of the specular path over the line of the mirror; its specular point may lie beyond the end.
     sign : (waves,) array
-        -1 where the specular point lies on the mirror's side of the end, +1 beyond the end.
+        -1 where the specular point lies on the mirror's side of the end, +1 beyond the end, and 0 on the end itself,
+        where the specular path has a half of its amplitude.
     tx_cosine, rx_cosine : (bounces, waves) arrays
         Cosines of the angles of incidence on the mirrors of the chain, on the way out and back.
     end_cosine : (waves,) array
@@ -116,7 +119,7 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
         rx=back.antenna[rx],
         length=np.linalg.norm(source - edge, axis=-1) + np.linalg.norm(target - edge, axis=-1),
         specular=specular,
-        sign=np.where(foot > 0.0, -1.0, 1.0),
+        sign=np.where(np.abs(foot) < EDGE, 0.0, -np.sign(foot)),
         tx_cosine=there.cosine[:, tx],
         rx_cosine=back.cosine[:, rx],
         end_cosine=(np.abs(above) + np.abs(beyond)) / specular,
@@ -133,10 +136,10 @@ def _inner_side(facet: int, edge: Array, normal: Array, outline: Outline) -> flo
 
 
 def edge_factor(waves: EdgeWaves, wavelength: Array) -> NDArray[np.complex128]:
-    """``sign G(v)`` at wavelengths [m] (n, 1), shape (n, waves).
+    """``sign G(v) sqrt(2 / (L + l))`` at wavelengths [m] (n, 1), shape (n, waves).
 
     The Fresnel integral is an error function, ``G(v) = exp(z^2) erfc(z) / 2`` with ``z = sqrt(j pi / 2) v``.
     """
     v = np.sqrt(4.0 * np.maximum(waves.length - waves.specular, 0.0) / wavelength)
     z = np.sqrt(0.5j * np.pi) * v
-    return np.asarray(waves.sign * 0.5 * wofz(1j * z))
+    return np.asarray(waves.sign * 0.5 * wofz(1j * z) * np.sqrt(2.0 / (waves.length + waves.specular)))

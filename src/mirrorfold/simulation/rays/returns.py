@@ -123,8 +123,7 @@ def edge_returns(scene: Scene, outline: Outline, to_tx: Sequence[Chain], to_rx: 
             *_walls(scene, outline, back[waves.chain.facets], waves.rx, end),
         )
         for coefficient, extra in met:
-            spreading = edge_factor(waves, speed_of_light / _knots(scene.band))
-            amplitude = coefficient * spreading / np.sqrt(waves.specular)
+            amplitude = coefficient * edge_factor(waves, speed_of_light / _knots(scene.band))
             antennas = waves.chain.images.shape[1]
             length = waves.length + extra
             found.append(Paths.at_first_frequency(scene.band, antennas, waves.tx, waves.rx, length, amplitude))
