@@ -230,9 +230,11 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
     end = profile[int((1.0 - END_SHARE) * profile.size) : profile.size - SIDE_LOBES]
     range_end = power_decibel(end.max() / profile.max()) if end.size and profile.max() > 0 else None
     noise_in_profile = noise / power * profile.mean() if power > 0 else 0.0
-    if range_end is not None and range_end > END_LEVEL_DB and end.max() > END_OVER_NOISE * noise_in_profile:
+    far = facts.ambiguous_range_m
+    over_noise = end.size > 0 and end.max() > END_OVER_NOISE * noise_in_profile
+    if far is not None and range_end is not None and range_end > END_LEVEL_DB and over_noise:
         remarks.append(
-            f"Echoes in the last part of the unambiguous range, {length_text(facts.ambiguous_range_m)}, are only "
+            f"Echoes in the last part of the unambiguous range, {length_text(far)}, are only "
             f"{abs(range_end):.0f} dB below the strongest: later ones have probably wrapped around and stand at wrong "
             "places, or were cut off with the end of traces over time; measure with smaller frequency steps, or longer "
             "traces."

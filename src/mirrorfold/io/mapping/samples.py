@@ -130,10 +130,10 @@ def to_frequency(
         if mapping.s.beat:
             if np.iscomplexobj(s):
                 raise quantities.fail("the samples are complex, and beat in [s] is for real ones; leave it out")
-            values, spectra = from_beat(np.moveaxis(s, at, -1), values)
+            frequency, spectra = from_beat(np.moveaxis(s, at, -1), values)
             # A real signal has no time convention: whichever the mapping names, waves must come out right.
             spectra = spectra.conj() if mapping.time_convention == "exp(-jwt)" else spectra
-            return values, np.moveaxis(spectra, -1, at), dims
+            return frequency, np.moveaxis(spectra, -1, at), dims
         if not np.iscomplexobj(s):
             raise quantities.fail(
                 "the samples are real numbers against frequency; say beat = true in [s] if they are the beat signal of "
