@@ -15,6 +15,7 @@ import mirrorfold as mf
 from mirrorfold.calibration.autofocus import entropy
 from mirrorfold.calibration.displacement import fit_displacement
 from mirrorfold.calibration.masking import find_bad
+from mirrorfold.diagnosis.quality import sample_findings
 
 MICROMETRE = 1e-6
 
@@ -43,6 +44,20 @@ def test_steps_for_pairs_say_what_to_leave_out_or_to_select():
     )
     with pytest.raises(mf.InputError, match=r"one moving antenna has no pairs, leave this step out$"):
         mf.calibrate.swap_tx_rx(one)
+
+
+def test_weak_channels_of_a_coarse_converter_are_not_saturated():
+    random = np.random.default_rng(0)
+    s = random.standard_normal((401, 6, 6, 2)).view(complex)[..., 0]
+    place = np.outer(np.arange(6) * 1e-3, [1.0, 0.0, 0.0])
+    # Steps of the converter and its limits, against the standard deviation of the samples.
+    for step, limit, expected in ((0.3, np.inf, 0), (0.7, np.inf, 0), (0.05, 1.5, 36), (0.1, 1.5, 36)):
+        steps = np.clip(np.round(s.view(float) / step), -limit / step, limit / step)
+        kept = steps.view(complex).astype(np.complex64)
+        sweep = mf.make_sweep(kept, frequency=np.linspace(77e9, 81e9, 401), tx_position=place, rx_position=place)
+        assert find_bad(sweep).saturated.sum() == expected
+    saturated = [one for one in sample_findings(sweep) if one.name == "saturated-channels"]
+    assert "measure again" in saturated[0].command()
 
 
 def test_a_single_echo_whose_phases_repeat_is_not_saturated():

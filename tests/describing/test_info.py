@@ -81,6 +81,11 @@ def test_one_moving_antenna_resolves_as_an_array_of_twice_the_length_and_pitch()
     for r, size in found["cross_range_resolution_m"].items():
         assert size == pytest.approx(0.5 * usual["cross_range_resolution_m"][r])
     assert any("0.5 mm exceeds a quarter of a wavelength, 0.25 mm" in remark for remark in found["remarks"])
+    with pytest.warns(UserWarning, match="1501 wavelengths"):
+        far = mf.make_monostatic_sweep(
+            own, frequency=pairs["frequency"].values, antenna_position=3e3 * pairs["tx_position"].values
+        )
+    assert any("pitch of 1.5 m exceeds" in remark for remark in mf.info(far, diagnose=False)["remarks"])
 
 
 def test_facts_turn_with_the_array():

@@ -68,16 +68,66 @@ def test_pairs_of_the_same_midpoint_tell_the_distance_whatever_the_speckle(dista
     waves = wavefronts(pairs, exchange=False)
     expanding = waves.one_sign(contracting=False)
     measured = midpoint_coherence(pairs, waves, contracting=False, reversed_=False)
-    coherence = measured.coherence[int(np.argmin(np.abs(waves.range - distance)))]
+    gate = int(np.argmin(np.abs(waves.range - distance)))
+    coherence = measured.coherence[gate]
     at = np.interp(1.0 / distance, expanding, coherence)
     assert at > 0.95
     # All directions together are far from in phase.
-    together = waves.coherence[0, 0, int(np.argmin(np.abs(waves.range - distance)))].max()
+    together = waves.coherence[0, 0, gate].max()
     assert together < 0.7
     # A wrong curvature takes what its phase over the array takes; waves from the side have 12 % less of that phase.
-    wrong = measured.lost(expanding - 1.0 / distance)
+    wrong = measured.lost(expanding - 1.0 / distance)[gate]
     np.testing.assert_allclose(1.0 - coherence / at, wrong, atol=0.12 * wrong.max())
     assert wrong[-1] > 0.1
+
+
+DRIFT = 1.0
+"""Phase by which the analyser drifts during a scan, rising from pair to pair [rad]."""
+
+
+def faults(sweep):
+    """Sweeps with a fault that is no delay, and bends waves a little."""
+    pairs = sweep["s"].shape[1:]
+    turn = np.exp(1j * np.linspace(0.0, DRIFT, np.prod(pairs))).reshape(pairs)
+    yield "drift", sweep.assign(s=sweep["s"].copy(data=(sweep["s"].values * turn).astype(np.complex64)))
+    aside = sweep["rx_position"] + np.array([5e-3, 0.0, 0.0])
+    yield "receivers 5 mm aside", sweep.assign_coords(rx_position=aside)
+    wide = {name: 2.0 * sweep[name] for name in ("tx_position", "rx_position")}
+    yield "twice the pitch", sweep.assign_coords(wide)
+    frequency = sweep["frequency"]
+    yield "twice the step", sweep.assign_coords(frequency=2.0 * frequency - frequency[0])
+
+
+def points_ahead(tx, rx):
+    """A sweep of some points, correct, with noise."""
+    points = np.array([[-0.2, 0.6], [0.05, 0.75], [0.3, 0.9], [-0.3, 1.1], [0.1, 1.3], [-0.05, 1.45]])
+    frequency = np.linspace(215e9, 230e9, 301)
+    wavenumber = 2.0 * np.pi / speed_of_light * frequency[:, None, None]
+    out, back = (np.exp(-1j * wavenumber * np.hypot(*(p[:, None, :2] - points).T).T) for p in (tx, rx))
+    s = np.einsum("fip,fkp->fik", out, back)
+    s += 0.05 * np.random.default_rng(0).standard_normal((*s.shape, 2)).view(complex)[..., 0]
+    return mf.make_sweep(s, frequency=frequency, tx_position=tx, rx_position=rx)
+
+
+PLACE = np.outer(0.65e-3 * (np.arange(41) - 20.0), [1.0, 0.0, 0.0])
+"""Of antennas in a row [m]."""
+
+
+def test_other_faults_are_not_taken_for_cables():
+    sweep = points_ahead(PLACE, PLACE)
+    assert cables(sweep) == []
+    assert cables(mf.calibrate.remove_cable(sweep, -1.5)) == [pytest.approx(1.5, abs=0.1)]
+    assert {name: cables(wrong) for name, wrong in faults(sweep)} == {name: [] for name, _ in faults(sweep)}
+
+
+def test_places_that_are_known_to_a_thirtieth_of_a_wavelength_tell_of_no_exchange():
+    above = PLACE + np.array([0.0, 0.0, 0.015])
+    sweep = points_ahead(PLACE, above)
+    for seed in range(4):
+        random = np.random.default_rng(seed)
+        given = {name: sweep[name] + random.normal(0.0, 40e-6, (41, 3)) for name in ("tx_position", "rx_position")}
+        found, judged = diagnose(sweep.assign_coords(given))
+        assert ([one.name for one in found], judged["exchange"]) == ([], False)
 
 
 def test_what_moves_alone_has_no_midpoint_twice_and_tells_no_delay():

@@ -33,6 +33,10 @@ FEWEST_CLIPPED = 4
 """Smallest number of real and imaginary parts at their largest magnitude in a saturated channel; every channel has one
 or two."""
 
+HEAPED = 2.0
+"""How many times more frequent the largest magnitude of a saturated channel must be than the next smaller one. In a
+weak channel of a coarse converter, too, many samples share the largest value, but even more the next one."""
+
 NOISE_FLATNESS = 0.85
 """Flatness above which an element holds noise alone: median over mean of its range profile, summed over its partners,
 the elements of the other side. Noise has a flat profile."""
@@ -142,16 +146,18 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     frequencies = gap | _spurs(s, gap, silent) if silent.size >= FEWEST_CHANNELS * frames else gap
     if frequencies.any():
         s = np.where(frequencies.reshape(-1, *[1] * (s.ndim - 1)), 0.0, s)
-    clipped, tone = np.zeros(s.shape[1:], dtype=int), np.zeros(s.shape[1:], dtype=bool)
+    (clipped, below), tone = np.zeros((2, *s.shape[1:]), dtype=int), np.zeros(s.shape[1:], dtype=bool)
     for n in range(s.shape[1]):  # one at a time, to save memory
         for part in (np.abs(s[:, n].real), np.abs(s[:, n].imag)):
-            clipped[n] = clipped[n] + np.count_nonzero(
-                part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype), axis=0
-            )
+            largest = part >= part.max(axis=0) * np.asarray(1.0 - 1e-6, part.dtype)
+            clipped[n] += np.count_nonzero(largest, axis=0)
+            smaller = np.where(largest, 0.0, part)
+            below[n] += np.count_nonzero((smaller == smaller.max(axis=0)) & ~largest, axis=0)
         modulus = np.abs(s[~frequencies, n])
         tone[n] = np.ptp(modulus, axis=0) <= TONE * modulus.max(axis=0)
     tone &= clipped < 2 * count  # clipped throughout, all samples have one modulus, too
     saturated = ~silent & ~tone & (clipped >= max(FEWEST_CLIPPED, CLIPPED_SHARE * 2 * count))
+    saturated &= clipped > HEAPED * below
     noise = np.zeros(s.shape[1:], dtype=bool)
     if s.ndim == 3 and "tx" in sweep["s"].dims:
         noise = ~silent & ~saturated & _noise_elements(s, ~silent)

@@ -161,7 +161,7 @@ def show_plan(found: Plan) -> None:
         )
     console().print(budget)
     quality = found.hidden_quality
-    expected = table_of(f"hidden F-score to expect behind a wall of 1 m ({quality.wall_cells:.0f} cells)")
+    expected = table_of(f"hidden F-score, wall of 1 m ({quality.wall_cells:.0f} cells)")
     for heading in ("points right within", "F-score", "standard error"):
         expected.add_column(heading, justify="right")
     for label, score, error in (

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from mirrorfold.cli import note
 from mirrorfold.common.records import finite
+from mirrorfold.common.units import length_text
 from mirrorfold.errors import printable
 
 if TYPE_CHECKING:
@@ -271,17 +272,18 @@ def describe(name: str, value: Any) -> tuple[str, str]:
 
 
 def _quantity(value: Any, unit: str) -> str:
-    """A number with its unit as text; lengths below 0.1 m in millimetres, frequencies from 1 GHz in gigahertz."""
+    """A number with its unit as text; frequencies in kilohertz, from 1 MHz in megahertz, from 1 GHz in gigahertz."""
     if isinstance(value, list):
         return " to ".join(_quantity(item, unit) for item in value)
     if not isinstance(value, float):
         return "-" if value is None else str(value)
     if unit == "m":
-        return f"{value * 1e3:.3g} mm" if abs(value) < 0.1 else f"{value:.3g} m"
+        return length_text(value)
     if unit == "s":
         return duration(value)
     if unit == "hz":
-        return f"{value / 1e9:.6g} GHz" if value >= 1e9 else f"{value / 1e6:.6g} MHz"
+        name, scale = ("GHz", 1e9) if value >= 1e9 else ("MHz", 1e6) if value >= 1e6 else ("kHz", 1e3)
+        return f"{value / scale:.6g} {name}"
     return f"{value:.3g} { ({'deg': 'degrees', 'db': 'dB', 'gb': 'GB'}.get(unit, '')) }".rstrip()
 
 

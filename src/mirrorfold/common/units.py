@@ -238,3 +238,15 @@ Memory = Annotated[float, Quantity("memory")]
 
 QUANTITIES = {"Hz": Frequency, "m": Length, "s": Time, "degree": Angle, "m/s": Speed, "B": Memory}
 """The type of each quantity, by the unit of a number that is written without a unit."""
+
+
+def length_text(length: float) -> str:
+    """A length [m] as people write it: below 0.1 m in millimetres, from 10 km in kilometres, without an exponent.
+
+    Examples
+    --------
+    >>> [length_text(length) for length in (0.0005, 0.132, 12.5, 1840.0, 10200.0)]
+    ['0.5 mm', '0.132 m', '12.5 m', '1840 m', '10.2 km']
+    """
+    unit, scale = ("mm", 1e-3) if abs(length) < 0.1 else ("m", 1.0) if abs(length) < 1e4 else ("km", 1e3)
+    return f"{float(f'{length / scale:.3g}'):g} {unit}"

@@ -10,6 +10,7 @@ from scipy.constants import speed_of_light
 
 from mirrorfold.common.plausible import pitch
 from mirrorfold.common.records import Number, Record, fact
+from mirrorfold.common.units import length_text
 
 Array = NDArray[np.float64]
 
@@ -128,9 +129,9 @@ def resolution(
         remarks.append("All antennas stand at one place, so directions cannot be told apart; move them.")
     if pitches and min(pitches) > (1.0 + PITCH_TOLERANCE) * shortest / 2.0:
         remarks.append(
-            f"The pitch of {min(pitches) / ways * 1e3:.3g} mm exceeds {'a quarter of' if monostatic else 'half'} a "
-            f"wavelength, {shortest / ways * 500:.3g} mm: grating "
-            f"lobes will show objects at wrong places outside a field of view of {field_of_view:.0f} degrees."
+            f"The pitch of {length_text(min(pitches) / ways)} exceeds {'a quarter of' if monostatic else 'half'} a "
+            f"wavelength, {length_text(0.5 * shortest / ways)}: grating "
+            f"lobes will show objects at wrong places outside a field of view of {field_of_view:.3g} degrees."
         )
     return facts, remarks
 

@@ -16,6 +16,7 @@ from mirrorfold.common.arguments import boolean
 from mirrorfold.common.decibels import power_decibel, power_ratio_of
 from mirrorfold.common.records import LEFT_OUT, Number, Record, fact
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import length_text
 from mirrorfold.common.windows import hann
 from mirrorfold.describing.contents import Sized
 from mirrorfold.describing.resolution import Arrays, Scan, resolution, scan_resolution
@@ -229,9 +230,10 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
     range_end, wrapped = _range_end(profile, noise / power * profile.mean() if power > 0 else 0.0)
     if wrapped:
         remarks.append(
-            f"Echoes in the last part of the unambiguous range, {facts.ambiguous_range_m:.3g} m, are only "
-            f"{abs(range_end or 0.0):.0f} dB below the strongest: later ones have probably wrapped around and "
-            "stand at wrong places; measure with smaller frequency steps."
+            f"Echoes in the last part of the unambiguous range, {length_text(facts.ambiguous_range_m)}, are only "
+            f"{abs(range_end or 0.0):.0f} dB below the strongest: later ones have probably wrapped around and stand at "
+            "wrong places, or were cut off with the end of traces over time; measure with smaller frequency steps, or "
+            "longer traces."
         )
     reciprocity: Any = LEFT_OUT
     if not is_monostatic(sweep) and np.array_equal(tx_position, rx_position):

@@ -51,6 +51,8 @@ class MidpointCoherence:
     ----------
     coherence : (gates, curvatures) array
         Share of a gate's power that adds up in phase within midpoints.
+    sine : (gates,) array
+        Of the angle off broadside from which a gate's echoes come.
     difference : (differences,) array [1/m]
         Rising from 0.
     loss : (differences,) array
@@ -58,12 +60,17 @@ class MidpointCoherence:
     """
 
     coherence: Array
+    sine: Array
     difference: Array
     loss: Array
 
     def lost(self, difference: Array) -> Array:
-        """Share of the coherence that is lost where curvatures differ by this [1/m], whichever is the stronger."""
-        return np.asarray(np.interp(np.abs(difference), self.difference, self.loss))
+        """Share of the coherence that is lost where curvatures differ by this [1/m], (gates, differences).
+
+        From the direction u the array is seen shorter by the cosine, and the phases of a wave bend by ``1 - u^2``.
+        """
+        seen = np.abs(difference) * (1.0 - self.sine[:, None] ** 2)
+        return np.asarray(np.interp(seen, self.difference, self.loss))
 
 
 def midpoint_coherence(
@@ -95,19 +102,22 @@ def midpoint_coherence(
         profile, waves.gate, int(np.ceil(2.0 * reach / step)) + 2, centre - float(pairs.wavenumber[0]), step
     )
     curvature = waves.one_sign(contracting)
-    best, coherence = np.zeros((2, curvature.size, waves.gate.size))
+    best, coherence, sine = np.zeros((3, curvature.size, waves.gate.size))
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
 
     def look(at: tuple[int]) -> None:
         _grouped(
             *(windowed, step, -1.0 if reversed_ else 1.0, pairs.tx, pairs.rx, tx_of, rx_of, group, centre),
-            *(waves.direction, curvature[at], waves.along, waves.ahead, best[at], coherence[at]),
+            *(waves.direction, curvature[at], waves.along, waves.ahead, best[at], coherence[at], sine[at]),
         )
 
     for_each(look, np.ndindex(curvature.size))
     difference = np.linspace(0.0, float(np.ptp(curvature)), BLUR_STEPS)
     return MidpointCoherence(
-        coherence.T, difference, _loss(pairs.tx[tx_of], pairs.rx[rx_of], group, centre * difference)
+        coherence=coherence.T,
+        sine=np.take_along_axis(sine, best.argmax(axis=0)[None], axis=0)[0],
+        difference=difference,
+        loss=_loss(pairs.tx[tx_of], pairs.rx[rx_of], group, centre * difference),
     )
 
 
@@ -118,9 +128,10 @@ def _chosen(pairs: Pairs, most: int) -> tuple[NDArray[np.int64], NDArray[np.int6
     """
     tx, rx = pairs.tx[pairs.tx_of], pairs.rx[pairs.rx_of]
     cell = np.round(np.concatenate([0.5 * (tx + rx), np.abs(tx - rx)], axis=1) / (SAME * pairs.wavelength))
-    different = np.unique(cell, axis=0, return_index=True)[1]
-    _, midpoint, count = np.unique(cell[different, :3], axis=0, return_inverse=True, return_counts=True)
     random = np.random.default_rng(0)
+    shuffled = random.permutation(len(cell))
+    different = shuffled[np.unique(cell[shuffled], axis=0, return_index=True)[1]]
+    _, midpoint, count = np.unique(cell[different, :3], axis=0, return_inverse=True, return_counts=True)
     rich = random.permutation(np.flatnonzero(count >= FEWEST_DISTANCES))
     chosen: list[NDArray[np.int64]] = []
     for n in rich:
@@ -148,9 +159,9 @@ def _loss(tx: Array, rx: Array, group: NDArray[np.int64], bend: Array) -> Array:
 def _grouped(
     windows: NDArray[np.float32], step: float, shift: float, tx: Array, rx: Array, tx_of: NDArray[np.int64],
     rx_of: NDArray[np.int64], group: NDArray[np.int64], centre: float, directions: Array, curvature: float,
-    along: Array, ahead: Array, best: Array, out: Array,
+    along: Array, ahead: Array, best: Array, out: Array, sine: Array,
 ) -> None:  # fmt: skip
-    """Set `best` (gates,) to the largest coherence of all pairs over u, as `coherence`, and `out` to that of groups.
+    """Set `best` (gates,) to the largest coherence of all pairs over u, `out` to that of groups, and `sine` to the u.
 
     ``out = sum_m (|sum_p y_p|^2 / n_m) / sum_p |y_p|^2`` at the u of `best`: m runs over the groups, p over the n_m
     pairs of each. Pairs must be ordered by group.
@@ -191,4 +202,4 @@ def _grouped(
             if total[2, g] > 0.0:
                 all_pairs = (total[0, g] ** 2 + total[1, g] ** 2) / (pairs * total[2, g])
                 if all_pairs > best[g]:
-                    best[g], out[g] = all_pairs, total[3, g] / total[2, g]
+                    best[g], out[g], sine[g] = all_pairs, total[3, g] / total[2, g], u

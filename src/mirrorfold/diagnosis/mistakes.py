@@ -45,6 +45,10 @@ LEAST_GAIN = 0.01
 """By how much an offset must improve the mean fit to be reported. Profiles that are interpolated to a few percent, and
 echoes by mixed paths, improve the fit of correct sweeps by up to 0.007."""
 
+LEAST_SHARE = 0.5
+"""Share of the improvement that an offset predicts, were it the cause, that must be there. Closer to the prediction of
+no offset, another fault makes the waves fit a little better: a displaced aperture, a wrong pitch or frequency step."""
+
 OFFSET_STEPS = 300
 """Steps of the search for a range offset, counted over the whole ambiguous range."""
 
@@ -146,22 +150,28 @@ def _offset(
     measured = midpoint_coherence(pairs, waves, contracting=conjugated, reversed_=reversed_)
     if measured is None:
         return 0.0, error, 0.0
-    gain = _gain(waves, measured, case, offsets)
+    gain, predicted = _gain(waves, measured, case, offsets)
     drawn = offsets[[int(gain[draw].mean(axis=0).argmax()) for draw in draws]]
     low, high = np.quantile(drawn, [0.1, 0.9])
     mean = gain.mean(axis=0)
-    offset = float(offsets[int(mean.argmax())])
+    best = int(mean.argmax())
+    offset = float(offsets[best])
     smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     same_side = float(np.mean(drawn * np.sign(offset) > smallest)) if offset else 0.0
     side = 0 if offset > 0 else 1
     certain = (
-        abs(offset) > LEAST_OFFSETS[side] * smallest and mean.max() > LEAST_GAIN and same_side >= OFFSET_SURE[side]
+        abs(offset) > LEAST_OFFSETS[side] * smallest
+        and 1 < best < offsets.size - 1  # at an end of those tried, a better one may lie beyond
+        and mean[best] > max(LEAST_GAIN, LEAST_SHARE * predicted[:, best].mean())
+        and same_side >= OFFSET_SURE[side]
     )
     return offset if certain else 0.0, float(max(0.5 * (high - low), error)), same_side
 
 
-def _gain(waves: Wavefronts, measured: MidpointCoherence, case: tuple[bool, bool, bool], offsets: Array) -> Array:
-    """By how much each offset improves the fit of each gate over that without an offset, (gates, offsets).
+def _gain(
+    waves: Wavefronts, measured: MidpointCoherence, case: tuple[bool, bool, bool], offsets: Array
+) -> tuple[Array, Array]:
+    """By how much each offset improves the fit of each gate, and by how much it would as the cause: (gates, offsets).
 
     A delay changes the curvatures that are expected, and the array tells the change by the phase that it makes at its
     ends. What improves the fit by more than this phase can is another fault: an echo out by one mirror and back by
@@ -172,7 +182,8 @@ def _gain(waves: Wavefronts, measured: MidpointCoherence, case: tuple[bool, bool
     coherence = 1.0 + UNEXPLAINED - np.exp(-fit)
     expected = np.minimum(np.abs(_expected(waves, case, offsets)), waves.curvature[-1])  # (2, gates, offsets)
     lost = np.max([np.min([measured.lost(q - one) for one in expected[:, :, :1]], axis=0) for q in expected], axis=0)
-    return np.minimum(fit - fit[:, :1], fit - _explained(coherence * (1.0 - lost)))
+    predicted = fit - _explained(coherence * (1.0 - lost))
+    return np.minimum(fit - fit[:, :1], predicted), predicted
 
 
 def _expected(waves: Wavefronts, case: tuple[bool, bool, bool], offsets: Array) -> Array:

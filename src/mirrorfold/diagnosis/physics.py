@@ -62,7 +62,7 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         return found, {"waves": judged, "exchange": False}
     every = pairs_of(sweep)
     pairs = on_a_line(every)
-    exchange = len(pairs.tx) == len(pairs.rx) and not _same_places(pairs)
+    exchange = len(pairs.tx) == len(pairs.rx) and not _abreast(pairs)
     unit = _unit(pairs)
     if unit is not None:
         pairs = pairs.scaled(UNITS[unit])
@@ -201,6 +201,11 @@ def in_phase(waves: Wavefronts) -> float:
     return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
 
 
-def _same_places(pairs: Pairs) -> bool:
-    """Whether transmitters and receivers stand at the same places, to a tenth of a wavelength."""
-    return bool(np.abs(pairs.tx - pairs.rx).max() < 0.1 * pairs.wavelength)
+def _abreast(pairs: Pairs) -> bool:
+    """Whether transmitters and receivers stand at the same places along the array, to a tenth of a wavelength (rms).
+
+    Then the paths of pairs are the same after an exchange, or all differ alike: it would be judged by errors alone.
+    """
+    offsets = np.concatenate([pairs.tx - pairs.tx.mean(axis=0), pairs.rx - pairs.rx.mean(axis=0)])
+    along = np.linalg.svd(offsets, full_matrices=False)[2][0]
+    return bool(np.sqrt(np.mean(((pairs.tx - pairs.rx) @ along) ** 2)) < 0.1 * pairs.wavelength)

@@ -14,6 +14,9 @@ from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of, without_rounding
 MASK = "--mask"
 """Option of `mirrorfold calibrate` that masks bad channels and fills in bad frequencies."""
 
+AGAIN = "no channel is good, so none can be masked; measure again, saturated channels with less power or gain"
+"""Advice where `MASK` would leave nothing."""
+
 SURE_OF_UNIT = 0.95
 """Certainty that frequencies are in another unit; the other explanation is that the wave speed was not stated."""
 
@@ -58,21 +61,20 @@ def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
     """One finding for each kind of bad channels or frequencies, as `find_bad` found them."""
     missing = int(np.count_nonzero(~np.isfinite(sweep["s"].values)))
     channels = bad.dead.size
+    remedy, by_command = (AGAIN, False) if bad.channels.all() else (MASK, True)
     found = []
     if missing:
-        found.append(
-            Finding("nan", f"{missing} samples of {sweep['s'].size} are not finite (NaN or infinite).", CERTAIN, MASK)
-        )
+        what = f"{missing} samples of {sweep['s'].size} are not finite (NaN or infinite)."
+        found.append(Finding("nan", what, CERTAIN, remedy, by_command))
     if bad.dead.any():
-        found.append(
-            Finding("dead-channels", f"{int(bad.dead.sum())} of {channels} channels are silent.", CERTAIN, MASK)
-        )
+        what = f"{int(bad.dead.sum())} of {channels} channels are silent."
+        found.append(Finding("dead-channels", what, CERTAIN, remedy, by_command))
     if bad.saturated.any():
         what = f"{int(bad.saturated.sum())} of {channels} channels are saturated: many samples have one largest value."
-        found.append(Finding("saturated-channels", what, 0.95, MASK))
+        found.append(Finding("saturated-channels", what, 0.95, remedy, by_command))
     if bad.noise.any():
         what = f"{int(bad.noise.sum())} of {channels} channels hold noise and no echo, unlike the others."
-        found.append(Finding("noise-channels", what, 0.95, MASK))
+        found.append(Finding("noise-channels", what, 0.95, remedy, by_command))
     spurs = bad.frequencies
     if spurs.any():
         frequency = sweep["frequency"].values

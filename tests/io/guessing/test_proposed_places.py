@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from point_target import echo, line_of, same
 
 import mirrorfold as mf
@@ -85,3 +86,17 @@ def test_one_fixed_antenna_and_many_of_the_other_side_are_pairs(tmp_path, transm
     guess = proposed(tmp_path / "d.npz", s=measured, f=FREQUENCY, tx_pos=1e3 * tx, rx_pos=1e3 * rx)
     assert f"pairs of one {'tx and 6 rx' if transmitters == 1 else 'rx and 6 tx'}" in guess.to_toml()
     same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
+
+
+def test_lengths_of_netcdf_dimensions_are_no_places(tmp_path):
+    tx, rx = line_of(5), line_of(9, 0.01)
+    s = echo(FREQUENCY, tx, rx)
+    path = tmp_path / "scan.nc"
+    axes = ("f", "tx", "rx")  # the latter two have no values of their own: the file holds zeros for them
+    xr.Dataset(
+        {"S_re": (axes, s.real), "S_im": (axes, s.imag), "tx_x": ("tx", tx[:, 0]), "rx_x": ("rx", rx[:, 0])},
+        coords={"f": ("f", FREQUENCY, {"units": "Hz"})},
+    ).to_netcdf(path, engine="h5netcdf")
+    guess = guess_mapping(path)
+    assert [guess.entries[name]["x"] for name in ("tx", "rx")] == ["tx_x", "rx_x"]
+    same(mf.import_data(path, mapping=guess.entries), FREQUENCY, tx, rx, s)

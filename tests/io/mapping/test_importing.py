@@ -282,6 +282,33 @@ def test_the_cube_of_a_chirped_radar_becomes_a_sweep(tmp_path):
     assert y[peak[0]] == pytest.approx(4.0, abs=0.08)
 
 
+@pytest.mark.parametrize("convention", ["exp(+jwt)", "exp(-jwt)"])
+@pytest.mark.parametrize("falling", [False, True])
+def test_a_mixer_without_q_gives_the_same_echoes_to_half_of_the_range(tmp_path, convention, falling):
+    f, tx, rx = np.linspace(77e9, 80e9, 257), line_of(3, pitch=7.8e-3), line_of(4, pitch=1.95e-3)
+    delays = np.array([40, 90, 127]) / (257 * (f[1] - f[0]))  # of bins of the range profile, the last before its middle
+    s = np.exp(-2j * np.pi * (f - f[0])[:, None] * delays).sum(axis=1)[:, None, None] * np.ones((1, 3, 4))
+    order = slice(None, None, -1) if falling else slice(None)
+    np.savez(tmp_path / "cube.npz", adc=np.round(1000 * s.real[order]).astype(np.int16), f=f[order], tx=tx, rx=rx)
+    mapping = {
+        "s": {"variable": "adc", "dims": ["frequency", "tx", "rx"], "beat": True},
+        "frequency": "f",
+        "tx": {"position": "tx"},
+        "rx": {"position": "rx"},
+        "time_convention": convention,
+    }
+    sweep = mf.import_data(tmp_path / "cube.npz", mapping=mapping)
+    np.testing.assert_allclose(sweep["frequency"], f[::2])
+    np.testing.assert_allclose(sweep["s"], 1000 * s[::2], atol=2.0)
+    del mapping["s"]["beat"]
+    with pytest.raises(InputError, match="beat = true"):
+        mf.import_data(tmp_path / "cube.npz", mapping=mapping)
+    np.savez(tmp_path / "cube.npz", adc=s, f=f, tx=tx, rx=rx)
+    mapping["s"]["beat"] = True
+    with pytest.raises(InputError, match="the samples are complex"):
+        mf.import_data(tmp_path / "cube.npz", mapping=mapping)
+
+
 def test_a_sweep_of_our_own_is_imported_as_it_is(sweep, tmp_path):
     path = mf.save(sweep, tmp_path / "own.nc")
     xr.testing.assert_identical(mf.import_data(path), sweep)

@@ -98,8 +98,9 @@ class Search(PlaceSearch):
         over_frequency = bool(self._rows(FREQUENCY, lengths)) and not self._rows(TIME, lengths)
         if over_frequency and 2 not in (lengths[0], lengths[-1]):
             self.guess.missing.append(
-                f"{name!r} holds real numbers against frequency, magnitudes or one part alone: name the other part or "
-                "the phase in [s]; without it nothing tells where echoes are"
+                f"{name!r} holds real numbers against frequency: say beat = true in [s] if they are the beat signal of "
+                "a chirp from a mixer without I and Q; if they are magnitudes or one part alone, name the other part "
+                "or the phase: without it nothing tells where echoes are"
             )
         why = "the largest array" if over_frequency else "the largest array; real, so time traces"
         self._found(f"the samples are {name!r} {reals[name].shape}", 1, why)

@@ -157,6 +157,8 @@ class Samples(Strict):
         Number of first columns of a table that are no samples, such as one with the frequencies.
     shape : list of int
         Shape that the array gets before its axes are named, the last axis running fastest; -1 for what is left.
+    beat : bool
+        Whether real samples over frequency are the beat signal of a chirp, from a mixer without I and Q.
     """
 
     variable: str | None = None
@@ -170,6 +172,7 @@ class Samples(Strict):
     select: dict[str, int | list[int]] = {}
     skip: Annotated[int, Field(ge=0)] = 0
     shape: Annotated[list[int], Field(min_length=1, max_length=10)] | None = None
+    beat: bool = False
 
     @model_validator(mode="after")
     def _one_source(self) -> Samples:
@@ -183,6 +186,8 @@ class Samples(Strict):
         ranges = [name for name in ("frequency", "time", "range") if name in self.dims]
         if len(ranges) != 1:
             raise ValueError(f"the dims {self.dims} must hold one of frequency, time and range")
+        if self.beat and (self.variable is None or "frequency" not in self.dims or "re_im" in self.dims):
+            raise ValueError("beat is for one variable with real samples along frequency; leave it out")
         return self
 
 

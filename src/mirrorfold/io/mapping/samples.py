@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.io.mapping.model import Mapping, Samples, Values
 from mirrorfold.io.mapping.quantities import Quantities
-from mirrorfold.io.mapping.spectral import STEP_TOLERANCE, from_range, from_time
+from mirrorfold.io.mapping.spectral import STEP_TOLERANCE, from_beat, from_range, from_time
 from mirrorfold.io.readers.contents import check_memory
 
 Array = NDArray[np.floating]
@@ -128,11 +128,18 @@ def to_frequency(
             if not keep.any():
                 raise quantities.fail(f"the band {list(mapping.band)} Hz holds none of the frequencies")
             values, s = values[keep], np.compress(keep, s, axis=at)
+        if mapping.s.beat:
+            if np.iscomplexobj(s):
+                raise quantities.fail("the samples are complex, and beat in [s] is for real ones; leave it out")
+            frequency, spectra = from_beat(np.moveaxis(s, at, -1), values)
+            # A real signal has no time convention: whichever the mapping names, waves must come out right.
+            spectra = spectra.conj() if mapping.time_convention == "exp(-jwt)" else spectra
+            return frequency, np.moveaxis(spectra, -1, at), dims
         if not np.iscomplexobj(s):
             raise quantities.fail(
-                "the samples are real numbers against frequency, magnitudes or one part alone; name real and "
-                "imaginary, or magnitude and phase, in [s], or measure the phase: without it nothing tells where "
-                "echoes are"
+                "the samples are real numbers against frequency; say beat = true in [s] if they are the beat signal of "
+                "a chirp from a mixer without I and Q; if they are magnitudes or one part alone, name real and "
+                "imaginary, or magnitude and phase, or measure the phase: without it nothing tells where echoes are"
             )
         return values, s, dims
     last = np.moveaxis(s, at, -1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import hilbert
 
 from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.errors import InputError
@@ -51,6 +52,29 @@ def from_time(s: NDArray, time: Array, band: tuple[float, float] | None) -> tupl
     keep = _kept(frequency, spectra, band)
     frequency, spectra = frequency[keep], spectra[..., keep]
     return frequency, spectra * np.exp(-2j * np.pi * frequency * time[0])
+
+
+def from_beat(s: NDArray, frequency: Array) -> tuple[Array, NDArray]:
+    """Complex samples of real beat signals, ``x(f) = Re S(f)``, in which no echo is later than half of ``1 / df``.
+
+    Echoes of S have positive delays, those of its conjugate negative ones: S is the conjugate of the analytic signal of
+    x (Marple, IEEE Trans. Signal Process. 47, 2600-2603, 1999). Every other frequency tells its delays.
+
+    Parameters
+    ----------
+    s : (..., frequencies) real array
+    frequency : (frequencies,) array [Hz]
+        In equal steps, rising or falling.
+
+    Returns
+    -------
+    frequency : (frequencies / 2,) array [Hz]
+        Rising.
+    samples : (..., frequencies / 2) complex array
+    """
+    if frequency[-1] < frequency[0]:
+        s, frequency = s[..., ::-1], frequency[::-1]
+    return frequency[::2], hilbert(s, axis=-1).conj()[..., ::2]
 
 
 def from_range(

@@ -31,6 +31,10 @@ SMALL_BYTES = 1 << 20
 UNITS = ("units", "unit", "long_name")
 """Attributes of arrays that are kept."""
 
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+"""How the attribute NAME of an array begins that stands for the length of a netCDF dimension and holds only zeros
+(netCDF-4, "Interoperability with HDF5")."""
+
 
 def survey(path: str) -> dict[str, Any]:
     """The content of a file: its arrays with shape, type, names of axes and size on disk, and its attributes."""
@@ -184,6 +188,8 @@ def _described(name: str, dataset: h5py.Dataset, budget: Budget) -> dict[str, An
     if dtype.names is None and dtype.kind not in "fciub":
         return None
     if dtype.hasobject or dtype.itemsize == 0 or _attr(dataset.attrs, "MATLAB_empty", budget):
+        return None
+    if str(_attr(dataset.attrs, "NAME", budget)).startswith(NO_VARIABLE):
         return None
     attrs = {str(key): _attr(dataset.attrs, key, budget) for key in dataset.attrs if str(key) in UNITS}
     dims = []
