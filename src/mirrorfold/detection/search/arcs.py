@@ -66,11 +66,6 @@ BULGE_CELLS = 0.3
 SIGNIFICANT = 5.0
 """Least curvature, in its standard errors."""
 
-KINK_RESIDUAL = 0.8
-"""Largest sum of squared residuals of the centroids of power about an arc, relative to that about a straight line with
-one kink: two flat walls that touch in the image are no curved one. It was 0.6 at most for arcs of random scenes, and
-1.1 for two walls of a full-wave scene."""
-
 GRAZING = 0.12
 """Cosine of the largest angle of incidence, 83 degrees: beyond it an arc is turned away from the radar."""
 
@@ -327,7 +322,8 @@ class _Arcs:
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
             return None
-        if np.sum(trust * arc.beside(points) ** 2) > KINK_RESIDUAL * kink_residual(*_by_chord(arc, points), trust):
+        # Two flat walls that touch in the image are no curved one: the likelier of the two is the one that fits better.
+        if np.sum(trust * arc.beside(points) ** 2) > kink_residual(*_by_chord(arc, points), trust):
             return None
         on_it = self.echoes.take(arc.own(self.view, self.echoes))
         if not len(on_it):
