@@ -168,6 +168,23 @@ def test_gentle_arcs_are_found_whatever_their_speckle() -> None:
 
 
 @pytest.mark.slow
+def test_a_glint_does_not_cut_the_row_of_a_pillar() -> None:
+    """The lobe of the glint of a smooth pillar is straight, and draws the row off the circle over two cells."""
+    radius, nearest, found = 0.12, np.array([0.507, 0.862]), 0
+    sight = nearest / np.linalg.norm(nearest)
+    angle = np.arctan2(*-sight[::-1]) + np.radians(np.linspace(-75.0, 75.0, 314))
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([nearest + radius * (sight + outward), nearest[None]])
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        strength = (random.standard_normal(314) + 1j * random.standard_normal(314)) * np.sqrt(-outward @ sight)
+        view = radar_view(points, np.append(strength, 300.0), noise=0.02, seed=seed)
+        arcs = find_arcs(view, find_ridges(view))
+        found += len(arcs) == 1 and arcs[0].length > 2.2 * radius and abs(arcs[0].radius / radius - 1.0) < 0.03
+    assert found == 10
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_straight_walls_are_no_arcs(seed: int) -> None:
     random = np.random.default_rng(seed)

@@ -32,7 +32,7 @@ from mirrorfold.detection.search.fit import (
 from mirrorfold.detection.search.growing import CLIP, drawn
 from mirrorfold.detection.search.joined import fitted_together
 from mirrorfold.detection.search.lines import LOBE
-from mirrorfold.detection.search.rows import heaviest_row, longest_run
+from mirrorfold.detection.search.rows import heaviest_row, longest_run, without_gaps
 from mirrorfold.detection.views.image_view import ImageView
 
 PROPOSALS = 600
@@ -355,8 +355,9 @@ class _Arcs:
         beside = uniform_filter1d(weight * wider.beside(points), window) / uniform_filter1d(weight, window)
         # Beyond the end of a row there is hardly any power.
         bright = uniform_filter1d(np.sqrt(self.view.power_at(*self.view.to_polar(points))), window)
-        near = (np.abs(beside) <= CLOSE_CELLS * self.view.range_cell) & (bright >= DARK * np.median(bright))
-        run = longest_run(near)
+        # A row that comes back within one average has not left the circle: a single speckle has drawn the average away.
+        near = without_gaps(np.abs(beside) <= CLOSE_CELLS * self.view.range_cell, window)
+        run = longest_run(near & (bright >= DARK * np.median(bright)))
         return circle.part(first, last) if run is None else wider.part(*along[run][[0, -1]].tolist())
 
     def _continued(self, arc: ArcMirror, free: Mask) -> ArcMirror:
