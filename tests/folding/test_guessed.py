@@ -45,8 +45,13 @@ def whole():
 
 
 @pytest.fixture(scope="module")
-def points(whole):
-    return whole.fold()["objects"].to_dataset()
+def result(whole):
+    return whole.fold()
+
+
+@pytest.fixture(scope="module")
+def points(result):
+    return result["objects"].to_dataset()
 
 
 def test_what_another_mirror_shows_behind_the_wall_is_guessed_to_have_passed(points):
@@ -59,6 +64,15 @@ def test_what_another_mirror_shows_behind_the_wall_is_guessed_to_have_passed(poi
     away = np.abs(np.hypot(points["x"].values - center[0], points["y"].values - center[1])[through] - ARC["radius"])
     assert np.median(away) < 0.02
     assert points["confidence"].values[through].max() <= GUESS + 1e-6
+
+
+def test_whoever_reads_the_result_is_told_that_it_is_a_guess(result, points):
+    asked = (points["decided"].values == "geometry") & (
+        points["confidence"].values >= result.attrs["fold_min_confidence"]
+    )
+    (remark,) = mf.info(result).remarks
+    assert f"hether {np.count_nonzero(asked)} points passed through a wall or were reflected is a guess" in remark
+    assert mf.info(result).points_through_walls > 0
 
 
 def test_what_is_seen_directly_where_it_folds_to_was_reflected(points):

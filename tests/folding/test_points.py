@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 from mirrorfold.common.geometry import reflect
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.folding.collection import _mirrors, _objects
+from mirrorfold.folding.collection import _mirrors, _objects, _remark
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.folding.points import BLOB_CELLS, fold_back, owned_blobs
+from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -56,6 +58,27 @@ def test_each_echo_is_reflected_in_the_mirrors_of_its_way_the_last_first(view):
     assert np.isnan(points.confocal).all()
     assert set(points.explanation) == set(points.caustic) == {""}
     assert points.take(points.bounces == 2).chain.tolist() == ["0/0"]
+
+
+@pytest.mark.parametrize(
+    ("passed", "decided", "said"),
+    [
+        ((0.95, 0.05), "polarization", ""),
+        ((0.95, 0.5), "polarization", "whether 1 point passed through a wall or was reflected is doubtful"),
+        ((0.5, 0.8), "geometry", "whether 2 points passed through a wall or were reflected is a guess from geometry"),
+        ((np.nan, np.nan), "", ""),
+    ],
+    ids=["certain", "doubtful", "guessed", "not tested"],
+)
+def test_the_remark_tells_what_may_have_passed_through_a_wall(view, passed, decided, said):
+    tree = tree_of(view, [], [[0.1, 1.6], [0.0, 1.7]], [])
+    points = replace(fold_back(tree), passed=np.array(passed), decided=np.array([decided] * 2))
+    nothing = SimpleNamespace(range=np.empty(0), direction=np.empty(0), take=lambda _: nothing)
+    sight = SimpleNamespace(seen_through=lambda *_: np.empty(0, dtype=int))
+    found = SimpleNamespace(tree=tree, sight=sight, explained=nothing, explanation=np.empty(0, dtype=str))
+    remark = _remark(None, found, points, FoldSettings(min_confidence=0.0), None, None)
+    assert remark.startswith(said)
+    assert bool(remark) == bool(said)
 
 
 def test_only_what_a_curved_mirror_shows_is_coarser(view):

@@ -20,7 +20,7 @@ from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
 from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS
-from mirrorfold.tree.half_transparent.transparent import TransparentWall
+from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, DOUBTFUL, TransparentWall
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
@@ -97,8 +97,8 @@ def _remark(
     given: int | None,
     from_above: float | None,
 ) -> str:
-    """Why there is no mirror, unless none was wanted; with mirrors, in which of them the radar sees itself, and how
-    many points lie near or beyond a caustic.
+    """Why there is no mirror, unless none was wanted; with mirrors, in which of them the radar sees itself, how many
+    points lie near or beyond a caustic, and of how many it is guessed or doubtful whether they passed through a wall.
     """
     if not found.tree.mirrors and (given == 0 or settings.generations == 0):
         return ""
@@ -131,9 +131,18 @@ def _remark(
         f"{np.median(own.range[through == index]):.3g} m away, and leaves this out"
         for index in np.unique(through)
     ]
-    if beyond := int(np.count_nonzero((points.caustic != "") & (points.confidence >= settings.min_confidence))):
+    shown = points.confidence >= settings.min_confidence
+    if beyond := int(np.count_nonzero((points.caustic != "") & shown)):
         where = "1 point lies" if beyond == 1 else f"{beyond} points lie"
         said.append(f"{where} near or beyond a caustic of a concave mirror, where the image is out of focus")
+    guess, unsure = points.decided == BY_GEOMETRY, (points.passed > DOUBTFUL[0]) & (points.passed < DOUBTFUL[1])
+    for which, how in (
+        (guess, "is a guess from geometry, for there is one polarization"),
+        (unsure & ~guess, "is doubtful, for their polarizations fit both"),
+    ):
+        if count := int(np.count_nonzero(which & shown)):
+            what = "1 point" if count == 1 else f"{count} points"
+            said.append(f"whether {what} passed through a wall or {'was' if count == 1 else 'were'} reflected {how}")
     return "; ".join(said)
 
 

@@ -18,6 +18,7 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import permittivity
 from mirrorfold.scenes.visibility import CHORD, facets
 from mirrorfold.scoring.floor_plans import TRUTH_SPACING
+from mirrorfold.tree.half_transparent.transparent import DOUBTFUL
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
@@ -153,7 +154,7 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
 
 def doubted(passed: Array) -> Mask:
     """Which echoes are doubtful by their probability to have passed, (n,)."""
-    return np.asarray((passed > 0.1) & (passed < 0.9))
+    return np.asarray((passed > DOUBTFUL[0]) & (passed < DOUBTFUL[1]))
 
 
 def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> dict[str, Any]:

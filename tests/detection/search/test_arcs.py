@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from synthetic import radar_view
 
 from mirrorfold.common.arcs import arc_through
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -96,8 +98,6 @@ def test_caustic_is_where_the_pencil_has_no_width() -> None:
 
 def speckled(surfaces: list[Array], view: ImageView, seed: int) -> tuple[ImageView, Echoes]:
     """The view of rough surfaces, each a row of points (n, 2) [m], and its echoes."""
-    from mirrorfold.detection.image_echoes import find_ridges
-
     random = np.random.default_rng(seed)
     field = np.zeros((view.range.size, view.u.size), dtype=complex)
     for place in np.concatenate(surfaces):
@@ -148,6 +148,40 @@ def test_rough_arcs_are_found_with_their_radius(seed: int) -> None:
     assert arcs[0].convex == convex
     assert abs(arcs[0].radius / radius - 1.0) < 0.03
     assert np.linalg.norm(arcs[0].middle - middle) < 0.05 * radius
+
+
+@pytest.mark.slow
+def test_gentle_arcs_are_found_whatever_their_speckle() -> None:
+    """They bulge by 2 cm, hardly more than speckle makes their echoes stray, so that a kink fits nearly as well."""
+    radius, length, found = 1.4, 0.45, 0
+    for seed in range(12):
+        random, convex = np.random.default_rng(seed), bool(seed % 2)
+        towards = np.radians(215.0 if convex else 35.0)
+        middle = np.array([0.6, 1.3]) - radius * np.array([np.cos(towards), np.sin(towards)])
+        angle = towards + np.linspace(-0.5, 0.5, 225) * length / radius
+        points = middle + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        strength = random.standard_normal(len(angle)) + 1j * random.standard_normal(len(angle))
+        view = radar_view(points, strength, noise=0.02, seed=seed)
+        arcs = find_arcs(view, find_ridges(view))
+        found += len(arcs) == 1 and arcs[0].convex == convex and abs(arcs[0].radius / radius - 1.0) < 0.1
+    assert found == 12
+
+
+@pytest.mark.slow
+def test_a_glint_does_not_cut_the_row_of_a_pillar() -> None:
+    """The lobe of the glint of a smooth pillar is straight, and draws the row off the circle over two cells."""
+    radius, nearest, found = 0.12, np.array([0.507, 0.862]), 0
+    sight = nearest / np.linalg.norm(nearest)
+    angle = np.arctan2(*-sight[::-1]) + np.radians(np.linspace(-75.0, 75.0, 314))
+    outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([nearest + radius * (sight + outward), nearest[None]])
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        strength = (random.standard_normal(314) + 1j * random.standard_normal(314)) * np.sqrt(-outward @ sight)
+        view = radar_view(points, np.append(strength, 300.0), noise=0.02, seed=seed)
+        arcs = find_arcs(view, find_ridges(view))
+        found += len(arcs) == 1 and arcs[0].length > 2.2 * radius and abs(arcs[0].radius / radius - 1.0) < 0.03
+    assert found == 10
 
 
 @pytest.mark.slow

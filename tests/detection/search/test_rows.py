@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from mirrorfold.detection.search.rows import GAP_CELLS, heaviest_row, longest_run
+from mirrorfold.detection.search.rows import GAP_CELLS, heaviest_row, longest_run, without_gaps
 
 
 @pytest.mark.parametrize(("gap", "found"), [(GAP_CELLS - 0.01, [2, 0, 1, 3]), (GAP_CELLS + 0.01, [1, 3])])
@@ -25,3 +25,17 @@ def test_the_wider_cell_beside_a_gap_counts():
 )
 def test_the_longest_run(marked, run):
     assert longest_run(np.array(marked, dtype=bool)) == run
+
+
+@pytest.mark.parametrize(
+    ("marked", "filled"),
+    [
+        ([0, 1, 0, 0, 1, 0], [0, 1, 1, 1, 1, 0]),
+        ([1, 0, 0, 0, 1], [1, 0, 0, 0, 1]),
+        ([0, 0, 1, 1, 0], [0, 0, 1, 1, 0]),
+        ([0, 0], [0, 0]),
+    ],
+    ids=["short gap", "long gap", "ends", "nothing"],
+)
+def test_short_gaps_are_filled_and_ends_are_kept(marked, filled):
+    assert_array_equal(without_gaps(np.array(marked, dtype=bool), 2), np.array(filled, dtype=bool))

@@ -33,7 +33,7 @@ from mirrorfold.detection.search.fit import (
 from mirrorfold.detection.search.growing import CLIP, drawn
 from mirrorfold.detection.search.joined import fitted_together
 from mirrorfold.detection.search.lines import LOBE
-from mirrorfold.detection.search.rows import heaviest_row, longest_run
+from mirrorfold.detection.search.rows import heaviest_row, longest_run, without_gaps
 from mirrorfold.detection.views.image_view import ImageView
 
 PROPOSALS = 600
@@ -66,11 +66,6 @@ BULGE_CELLS = 0.3
 
 SIGNIFICANT = 5.0
 """Least curvature, in its standard errors."""
-
-KINK_RESIDUAL = 0.8
-"""Largest sum of squared residuals of the centroids of power about an arc, relative to that about a straight line with
-one kink: two flat walls that touch in the image are no curved one. It was 0.6 at most for arcs of random scenes, and
-1.1 for two walls of a full-wave scene."""
 
 GRAZING = 0.12
 """Cosine of the largest angle of incidence, 83 degrees: beyond it an arc is turned away from the radar."""
@@ -321,7 +316,8 @@ class _Arcs:
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
             return None
-        if np.sum(trust * arc.beside(points) ** 2) > KINK_RESIDUAL * kink_residual(*_by_chord(arc, points), trust):
+        # Two flat walls that touch in the image are no curved one: the likelier of the two is the one that fits better.
+        if np.sum(trust * arc.beside(points) ** 2) > kink_residual(*_by_chord(arc, points), trust):
             return None
         on_it = self.echoes.take(arc.own(self.view, self.echoes))
         if not len(on_it):
@@ -365,8 +361,9 @@ class _Arcs:
         beside = uniform_filter1d(weight * wider.beside(points), window) / uniform_filter1d(weight, window)
         # Beyond the end of a row there is hardly any power.
         bright = uniform_filter1d(np.sqrt(self.view.power_at(*self.view.to_polar(points))), window)
-        near = (np.abs(beside) <= CLOSE_CELLS * self.view.range_cell) & (bright >= DARK * np.median(bright))
-        run = longest_run(near)
+        # A row that comes back within one average has not left the circle: a single speckle has drawn the average away.
+        near = without_gaps(np.abs(beside) <= CLOSE_CELLS * self.view.range_cell, window)
+        run = longest_run(near & (bright >= DARK * np.median(bright)))
         return circle.part(first, last) if run is None else wider.part(*along[run][[0, -1]].tolist())
 
     def _continued(self, arc: ArcMirror, free: Mask) -> ArcMirror:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from mirrorfold.common.types import Array, Index, Mask
@@ -27,3 +29,12 @@ def longest_run(mask: Mask) -> slice | None:
     """The longest run of neighbouring True values in a mask (n,); None if there are none."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
     return slice(*edges[np.argmax(np.diff(edges))].tolist()) if len(edges) else None
+
+
+def without_gaps(mask: Mask, most: int) -> Mask:
+    """A mask (n,) in which False values between two True ones are True, too, if they are at most `most` in a row."""
+    filled = mask.copy()
+    for before, behind in pairwise(np.flatnonzero(mask).tolist()):
+        if behind - before - 1 <= most:
+            filled[before:behind] = True
+    return filled
