@@ -228,7 +228,7 @@ def _arrays(sweep: xr.Dataset, level_db: float) -> ArraySweepFacts:
     profile = _range_profile(s)
     noise = _noise_power(profile, pairs=s.size // profile.size)
     range_end, wrapped = _range_end(profile, noise / power * profile.mean() if power > 0 else 0.0)
-    if wrapped:
+    if wrapped and facts.ambiguous_range_m is not None:
         remarks.append(
             f"Echoes in the last part of the unambiguous range, {length_text(facts.ambiguous_range_m)}, are only "
             f"{abs(range_end or 0.0):.0f} dB below the strongest: later ones have probably wrapped around and stand at "

@@ -98,7 +98,7 @@ def test_after_a_second_turn_it_stands_twice_as_far_behind_and_is_fainter(level,
     assert explained((seen, 60.0), (later(seen, 2.0 * AWAY), level)) == [False, told]
 
 
-OTHER = PLACE + [-0.06, -0.04]
+OTHER = PLACE + np.array([-0.06, -0.04])
 """Another object, before the first."""
 
 
