@@ -46,6 +46,18 @@ def test_what_stands_at_the_end_of_a_wall_does_not_turn_it(monkeypatch):
     assert errors(look(*scene)[2][0], start, end)[0] > 2.0 * angle
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wall_ends_at_its_last_echo_where_another_object_goes_on_beyond_a_gap(seed):
+    """Not within the gap: what is seen beside the object would pass for seen in the wall."""
+    start, end = wall_at(np.array([0.2, 1.2]), 70.0, 0.8)
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.array([-along[1], along[0]])
+    begin = end + 2.2 * RANGE_CELL * along - 0.012 * across
+    piece = diffuse(begin, begin + 0.25 * along + 0.04 * across, 50 + seed, strength=2.0)
+    mirror = look(*together(diffuse(start, end, seed), piece))[2][0]
+    assert np.linalg.norm(mirror.ends - end, axis=1).min() < 0.6 * RANGE_CELL
+
+
 @pytest.mark.parametrize(("level", "whole"), [(-8.0, True), (-22.0, False)])
 @pytest.mark.parametrize("first", [False, True], ids=["beyond its end", "before its start"])
 @pytest.mark.parametrize("seed", range(3))

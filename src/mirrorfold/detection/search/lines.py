@@ -200,7 +200,10 @@ class _Lines(Search[LineMirror]):
             whole = self._unbroken(mirror)
             if whole is mirror:
                 break
-            mirror, stray = self._fitted(whole)
+            along = whole.along(own.position)
+            along = along[(along >= 0.0) & (along <= whole.length)]
+            # A row breaks between the echoes of both parts, which may be some cells apart.
+            mirror, stray = self._fitted(whole.part(along.min(), along.max()) if along.size else whole)
         if self.tested and self._kept_share(mirror, own) < KEPT_SHARE:
             return None
         front = _front(mirror, self.view)
