@@ -130,38 +130,6 @@ def test_a_wall_goes_on_where_it_is_faint_but_brighter_than_what_is_beside_it(st
     assert beyond_shadows(part, view, echoes, all_clear).length < part.length + 0.05
 
 
-def with_faint_end(end):
-    """The view, its echoes, and the front part of an oblique wall that ends with `end`: places and amplitudes."""
-    part = replace(LineMirror(OBLIQUE[0], OBLIQUE[0] + 0.4 * (OBLIQUE[1] - OBLIQUE[0])), strength=1.0)
-    view = radar_view(*together(diffuse(*part.ends, seed=12), end), noise=0.02)
-    return view, find_ridges(view), part
-
-
-def test_a_wall_goes_on_to_the_last_echoes_of_its_faint_end_up_to_a_corner():
-    """They are too few for a row, but all of the line is brighter than what is beside it."""
-    end = diffuse(OBLIQUE[0] + 0.4 * (OBLIQUE[1] - OBLIQUE[0]), OBLIQUE[1], seed=22, strength=0.02)
-    view, echoes, part = with_faint_end(end)
-    last = part.along(echoes.position[np.abs(part.beside(echoes.position)) < 0.01]).max()
-    assert last > part.length + 0.3
-    longer = beyond_shadows(part, view, echoes, all_clear, [part])
-    assert longer.length == pytest.approx(last, abs=0.02)
-    assert np.abs(part.beside(longer.ends)).max() < 1e-12
-    # Beyond a corner, a wall is continued by the image of its other part.
-    vertex = part.start + 0.6 * part.direction
-    for leg in (-part.normal, part.normal):
-        other = LineMirror(vertex + 0.1 * leg, vertex + 0.5 * leg)
-        assert beyond_shadows(part, view, echoes, all_clear, [part, other]).length == pytest.approx(0.6, abs=1e-9)
-    behind = LineMirror(part.start - 0.1 * part.normal, part.start - 0.5 * part.normal)
-    alongside = LineMirror(part.start + 0.3 * part.normal, part.end + 0.3 * part.normal)
-    assert beyond_shadows(part, view, echoes, all_clear, [part, behind, alongside]).length == longer.length
-    assert beyond_shadows(part, view, echoes, all_clear).length < part.length + 0.05  # a row too short for a mirror
-
-
-def test_a_lone_object_behind_the_end_of_a_wall_does_not_continue_it():
-    view, echoes, part = with_faint_end(((OBLIQUE[0] + 0.7 * (OBLIQUE[1] - OBLIQUE[0]))[None], np.array([0.3 + 0j])))
-    assert beyond_shadows(part, view, echoes, all_clear, [part]).length < part.length + 0.05
-
-
 def test_two_mirrors_of_one_faint_wall_meet_halfway():
     view, echoes, parts = faint(0.03)
     left, right = (beyond_shadows(part, view, echoes, all_clear, parts) for part in parts)

@@ -63,9 +63,8 @@ def beyond_shadows(
     clear : callable
         See `Clear`.
     others : sequence of LineMirror, optional
-        If given, the mirror is also continued across gaps in which it is faint, see `goes_on`, and to the last echoes
-        of a faint end, but not over the line of another mirror. These are mirrors that it does not run over: if the
-        wall goes on up to one of them on its line, both meet halfway.
+        If given, the mirror is also continued across gaps in which it is faint, see `goes_on`. These are mirrors that
+        it does not run over: if the wall goes on up to one of them on its line, both meet halfway.
     """
     backwards = mirror.part(mirror.length, 0.0)
     before, after = (_reach(way, view, echoes, clear, others) - way.length for way in (backwards, mirror))
@@ -160,16 +159,9 @@ def _reach(
     halfway = 0.5 * (end + next_one)
     on_line = np.abs(mirror.beside(points)) <= NEAR * view.extent(points, mirror.normal)
     beyond = np.sort(position[on_line & (position > end) & (position < halfway)])
-    faint_end, corner = end, _corner(mirror, others or (), view)
     for row in np.split(beyond, np.flatnonzero(np.diff(beyond) > GAP_CELLS * cell) + 1):
         is_row = row.size >= FEWEST and np.ptp(row) >= SHORTEST_CELLS * cell
-        if not row.size or row[0] - end <= GAP_CELLS * cell:  # nearer ones belong to the mirror itself
-            continue
-        if not is_row:
-            # Speckle leaves few echoes of a faint wall, but all of its line is brighter than what is beside it.
-            last = min(float(row[-1]), corner)
-            if others is not None and last > end + cell and goes_on(mirror.part(end + cell, last), view):
-                faint_end = last
+        if not is_row or row[0] - end <= GAP_CELLS * cell:  # nearer ones belong to the mirror itself
             continue
         share = _shown(mirror, end, row[0], view, clear)
         seen = share == 1.0 or share * (row[0] - end) > (GAP_CELLS + 2.0 * HALF_HIDDEN_CELLS) * cell
@@ -178,7 +170,7 @@ def _reach(
         end = float(row[-1])
     if GAP_CELLS * cell < next_one - end < np.inf and goes_on(mirror.part(end + cell, next_one - cell), view):
         end = halfway
-    return max(end, faint_end)
+    return end
 
 
 def _next(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> float:
@@ -189,20 +181,6 @@ def _next(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> 
         if (np.abs(mirror.beside(other.ends)) <= NEAR * view.extent(other.ends, mirror.normal)).all()
     ]
     return min((begin for begin in begins if begin >= mirror.length), default=np.inf)
-
-
-def _corner(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> float:
-    """Position [m] along a mirror at which its line meets that of another one, beyond its end; infinite if none does.
-
-    There two walls may meet, and if they do so at right angles, what goes on straight is the image of a wall.
-    """
-    meets = []
-    for other in others:
-        away, towards = float((other.center - mirror.end) @ other.normal), float(mirror.direction @ other.normal)
-        on_line = (np.abs(mirror.beside(other.ends)) <= NEAR * view.extent(other.ends, mirror.normal)).all()
-        if not on_line and away * towards > 0.0:
-            meets.append(mirror.length + away / towards)
-    return min(meets, default=np.inf)
 
 
 def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, clear: Clear) -> float:
