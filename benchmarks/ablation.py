@@ -82,7 +82,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "rings": ({side_lobes: {"SMALLEST_PART": 1.0}, outshone: {"LONGEST_ROW": np.inf}}, {}),
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),
-    "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror: mirror}}, {}),
+    "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror, own: mirror}}, {}),
     "walls where they are faint": ({shadows: {"goes_on": lambda gap, view: False}}, {}),
     "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
     "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),

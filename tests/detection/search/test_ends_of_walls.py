@@ -196,5 +196,5 @@ def test_a_line_that_leaves_the_row_it_is_fitted_to_is_no_mirror(monkeypatch, tu
         return replace(mirror, start=mirror.center - half, end=mirror.center + half), 1e-3
 
     monkeypatch.setattr("mirrorfold.detection.search.lines._fit", askew)
-    monkeypatch.setattr(_Lines, "_unbroken", lambda search, mirror: mirror)
+    monkeypatch.setattr(_Lines, "_unbroken", lambda search, mirror, own: mirror)
     assert len(find_mirrors(view, echoes)) == mirrors

@@ -197,13 +197,10 @@ class _Lines(Search[LineMirror]):
         longer = self._without_shining_ends(self._continued(mirror, own), own)
         mirror, stray = self._fitted(longer)
         for _ in range(2):  # an object may stand at either end
-            whole = self._unbroken(mirror)
+            whole = self._unbroken(mirror, own)
             if whole is mirror:
                 break
-            along = whole.along(own.position)
-            along = along[(along >= 0.0) & (along <= whole.length)]
-            # A row breaks between the echoes of both parts, which may be some cells apart.
-            mirror, stray = self._fitted(whole.part(along.min(), along.max()) if along.size else whole)
+            mirror, stray = self._fitted(whole)
         if self.tested and self._kept_share(mirror, own) < KEPT_SHARE:
             return None
         front = _front(mirror, self.view)
@@ -294,8 +291,11 @@ class _Lines(Search[LineMirror]):
         met = np.isfinite(mirror.crossing(self.view))
         return bool(2 * np.count_nonzero(self._nothing_before(mirror) & met) > np.count_nonzero(met))
 
-    def _unbroken(self, mirror: LineMirror) -> LineMirror:
-        """The mirror; or its longer part, where the row is two: a wall, and an object at its end almost in line."""
+    def _unbroken(self, mirror: LineMirror, own: Echoes) -> LineMirror:
+        """The mirror; or its longer part, where the row is two: a wall, and an object at its end almost in line.
+
+        The part ends at the last of the row's `own` echoes before the break, for both may be some cells apart.
+        """
         place, left, apart, share = _split(mirror, self.view)
         if not share:
             return mirror
@@ -306,7 +306,9 @@ class _Lines(Search[LineMirror]):
             apart < LEAST_APART or likelier < BREAK * _spread(mirror, self.view) / LOBE_SPREAD
         ):
             return mirror
-        parts = mirror.part(0.0, place), mirror.part(place, mirror.length)
+        along = mirror.along(own.position)
+        before, after = along[along <= place].max(initial=0.0), along[along >= place].min(initial=mirror.length)
+        parts = mirror.part(0.0, before), mirror.part(after, mirror.length)
         longer = max(parts, key=lambda part: part.length)
         return longer if longer.length >= self.shortest(longer) else mirror
 
