@@ -68,6 +68,15 @@ class Order:
         through = self.sight.seen_through(echoes.range, echoes.direction)
         return np.where(self.face == ROOT, through, self.sight.parent_of[self.face])
 
+    def flattened(self, echoes: Echoes) -> Mask:
+        """Which echoes are seen by way of a concave mirror, (n,).
+
+        It gathers their waves, so that these have the curvature of waves from farther away.
+        """
+        ways = [self.mirrors_to(index) for index in range(len(self.mirrors))]
+        concave = [index for index, way in enumerate(ways) if any(mirror.curvature < 0.0 for mirror in way)]
+        return np.isin(self.sight.seen_through(echoes.range, echoes.direction), concave)
+
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong`, and their `limit`, as they follow from this order."""
         visible = echoes.visible & self.sight.clear(echoes)

@@ -81,7 +81,7 @@ def find_tree(
     agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
     reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
     if earlier is not None:
-        reasons.recall(earlier)
+        reasons.recall(earlier, besides)
         view = _told(view, reasons)
     # Where an empty list of mirrors is given, the image stays as it is.
     repeated = settings.copies and (known is None or len(known) > 0)
@@ -103,7 +103,7 @@ def find_tree(
             reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
             reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE_WALL)
         if measured.explain is not None:
-            reasons.test(measured.explain, clear)
+            reasons.test(measured.explain, clear, order.flattened(seen))
         searched = known is None and not settings.published
         share = measured.confocal_share
         blurs = searched and share is not None and reasons.blur(share, clear & (order.face >= 0))
@@ -170,16 +170,24 @@ class _Reasons:
         """Note the reason against some of the `echoes`, marked by `which` (n,)."""
         self._reason[self._index[which]] = why
 
-    def test(self, explain: Callable[[Echoes], Names], clear: Mask) -> None:
-        """Test the `echoes` that are in `clear` sight, (n,), each once, and note the reasons that `explain` returns."""
+    def test(self, explain: Callable[[Echoes], Names], clear: Mask, flattened: Mask) -> None:
+        """Test the `echoes` that are in `clear` sight, (n,), each once, and note the reasons that `explain` returns.
+
+        The waves of `flattened` ones, (n,), seem to come from farther away than they do.
+        """
         new = ~self._tested & clear & self.stays
         if new.any():
-            self.note(new, explain(self.echoes.take(new)))
+            why = explain(self.echoes.take(new))
+            self.note(new, np.where((why == LATE) & flattened[new], "", why))
         self._tested |= new
 
-    def recall(self, earlier: Found) -> None:
-        """Leave out echoes of which the sweep told an earlier result that they come from elsewhere."""
-        told = np.isin(earlier.explanation, BY_SWEEP)
+    def recall(self, earlier: Found, besides: Sequence[Mirror]) -> None:
+        """Leave out echoes of which the sweep told an earlier result that they come from elsewhere.
+
+        Where concave mirrors are tried `besides`, which echoes are late is asked again, see `Order.flattened`.
+        """
+        still = [why for why in BY_SWEEP if why != LATE or all(mirror.curvature >= 0.0 for mirror in besides)]
+        told = np.isin(earlier.explanation, still)
         if told.any():
             away, nearest = cKDTree(earlier.explained.position[told]).query(self.echoes.position)
             self.note(away == 0.0, earlier.explanation[told][nearest[away == 0.0]])
