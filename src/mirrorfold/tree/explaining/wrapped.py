@@ -37,7 +37,7 @@ def wrapping_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) 
 
     This is the ratio of two coherences, for r + P, r + 2 P, ... over that for r, see `focusing.echoes.coherence`. Each
     is the largest over points, faces and corners, and over the directions into which an echo spreads when it is focused
-    at the wrong distance. The ratio is one where waves from farther away do not fit.
+    at the wrong distance. The ratio is one where waves from farther away do not fit, or do not differ.
 
     Parameters
     ----------
@@ -62,7 +62,10 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
 
     def look(n: int) -> None:
         r = float(range_[n])
-        around, distances = waves.around(r), _later(r, waves)
+        distances = _later(r, waves)
+        if not distances:
+            return
+        around = waves.around(r)
         spread = waves.reach * (1.0 / r - 1.0 / distances[-1]) + waves.cell
         count = int(np.ceil(2.0 * spread / (DIRECTION_STEP * waves.cell)))
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
@@ -77,10 +80,11 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
 
 
 def _later(range_: float, waves: Waves) -> list[float]:
-    """Those of the distances r + P, r + 2 P, ... [m] of a range r [m] whose waves can be told apart, nearest first."""
-    distances = [range_ + waves.period]
-    for periods in range(2, MOST_PERIODS + 1):
+    """Those of the distances r + P, r + 2 P, ... [m] whose waves differ from those from r [m] and from nearer ones."""
+    distances, nearer = list[float](), range_
+    for periods in range(1, MOST_PERIODS + 1):
         distance = range_ + periods * waves.period
-        if waves.reach**2 * (1.0 / distances[-1] - 1.0 / distance) > DEPTH_OF_FOCUS * waves.wavelength:
+        if waves.reach**2 * (1.0 / nearer - 1.0 / distance) > DEPTH_OF_FOCUS * waves.wavelength:
             distances.append(distance)
+            nearer = distance
     return distances
