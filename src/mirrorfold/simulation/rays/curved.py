@@ -53,7 +53,7 @@ FINER = 4
 
 APART = 32
 """Fans are cast from every 32nd antenna: the places at which neighbouring antennas, half a wavelength apart, see a
-mirror differ by some mm only, so that Newton's method converges from the paths of one antenna to those of another."""
+mirror differ by little, so that Newton's method follows the paths from antenna to antenna."""
 
 MOST_PATHS = 4
 """Largest number of paths over one chain between an antenna and a point."""
@@ -246,29 +246,33 @@ def _lit_intervals(antenna: Array, arc: Array) -> list[Array]:
 def _intervals_meeting(antenna: Array, arcs: Array, level: int, intervals: list[Array]) -> list[Array]:
     """The parts of intervals of the angle on the first arc from which rays meet arc number `level`."""
     center, radius = arcs[level, :2], arcs[level, 6]
-    for _ in range(2):
-        angle, paired = _all_of(intervals)
-        angles, place, heading = _trace_rays(antenna, arcs[:level], angle)
-        offset = center - place
-        aside = cross2(heading, offset) / radius
-        ahead = (np.isfinite(angles[:, -1])) & (np.sum(heading * offset, axis=1) > -radius)
-        pairs = np.flatnonzero(ahead[:-1] & ahead[1:] & paired[:-1])
-        low, high = aside[pairs], aside[pairs + 1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # Fractions between two rays at which the ray's distance from the center equals the radius, either side.
-            edges = np.sort(np.clip((np.array([[-1.0], [1.0]]) - low) / (high - low), 0.0, 1.0), axis=0)
-        edges = np.where(np.abs(high - low) > 0.0, edges, np.where(np.abs(low) < 1.0, [[0.0], [1.0]], 0.0))
-        hit = edges[1] > edges[0]
-        pairs, (begin, end) = pairs[hit], edges[:, hit]
-        if not pairs.size:
-            return []
-        step = angle[pairs + 1] - angle[pairs]
-        begin, end = angle[pairs] + begin * step, angle[pairs] + end * step
-        breaks = np.flatnonzero((np.diff(pairs) > 1) | (begin[1:] > end[:-1] + 1e-3 * step[1:])) + 1
-        intervals = [
-            _dense_at_ends(some_begin[0], some_end[-1], NARROW)
-            for some_begin, some_end in zip(np.split(begin, breaks), np.split(end, breaks), strict=True)
-        ]
+    angle, paired = _all_of(intervals)
+    angles, place, heading = _trace_rays(antenna, arcs[:level], angle)
+    offset = center - place
+    aside = cross2(heading, offset) / radius
+    along = np.sum(heading * offset, axis=1)
+    ahead = np.isfinite(angles[:, -1]) & (along > -radius)
+    # The outer side is met from outside only: not from where the arc before runs within the circle.
+    outside = (arcs[level, SIDE] < 0.0) | ((along > 0.0) & (np.linalg.norm(offset, axis=1) > radius))
+    pairs = np.flatnonzero(ahead[:-1] & ahead[1:] & (outside[:-1] | outside[1:]) & paired[:-1])
+    low, high = aside[pairs], aside[pairs + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Fractions between two rays at which the ray's distance from the center equals the radius, either side.
+        edges = np.sort(np.clip((np.array([[-1.0], [1.0]]) - low) / (high - low), 0.0, 1.0), axis=0)
+    edges = np.where(np.abs(high - low) > 0.0, edges, np.where(np.abs(low) < 1.0, [[0.0], [1.0]], 0.0))
+    hit = edges[1] > edges[0]
+    pairs, (begin, end) = pairs[hit], edges[:, hit]
+    if not pairs.size:
+        return []
+    step = angle[pairs + 1] - angle[pairs]
+    begin, end = angle[pairs] + begin * step, angle[pairs] + end * step
+    breaks = np.flatnonzero((np.diff(pairs) > 1) | (begin[1:] > end[:-1] + 1e-3 * step[1:])) + 1
+    # Between two rays the distance is no linear function: half of the width is added at either end, up to these rays.
+    low, high = begin[np.append(0, breaks)], end[np.append(breaks - 1, -1)]
+    margin = 0.5 * (high - low)
+    low = np.maximum(low - margin, angle[pairs[np.append(0, breaks)]])
+    high = np.minimum(high + margin, angle[pairs[np.append(breaks - 1, -1)] + 1])
+    intervals = [_dense_at_ends(*ends, NARROW) for ends in zip(low, high, strict=True)]
     return _up_to_edges(antenna, arcs[: level + 1], intervals)
 
 
@@ -320,15 +324,12 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
     shape = (chain.count, used.size, min(most, MOST_PATHS))
     seen = np.zeros(shape, dtype=bool)
     cosine, facts = np.empty((*shape, len(chain.mirrors_and_sides))), np.empty((*shape, FACTS))
-    below = np.searchsorted(fans, np.arange(chain.count), side="right") - 1
-    above = np.searchsorted(fans, np.arange(chain.count), side="left")
     if used.size:
         in_shares(
             trace_points,
             used.size,
             chain.antennas,
-            below,
-            above,
+            fans,
             *(np.ascontiguousarray(table[:, used]) for table in (start, count)),
             points.position[used],
             points.normal[used],

@@ -34,11 +34,11 @@ SAME = 1e-6
 """Solutions whose first angles differ by less than this [rad] are the same path."""
 
 LENGTH, SPREADING, CAUSTICS, APERTURE, FOLD, END_COSINE, FACTS = range(7)
-"""Columns of the table of paths: length [m]; ``|q|`` [m] at the point; number of caustics on the path; the largest, among
-the arcs, of ``|q q'| / (cos(i) l)^2`` and, among those met on their inner sides, of ``|q q'| |L'''|^(2/3) / cos(i)^2``
-[m^(2/3)], with the widths q and q' [m] at the arc of the pencils of rays from the antenna and from the point, the length
-l [m] of the arc, and the third derivative L''' [1/m^2] of the path length along it; cosine of the angle to the normal at
-the point."""
+"""Columns of the table of paths: length [m]; ``|q|`` [m] at the point; number of caustics on the path; the largest,
+among the arcs, of ``|q p| / (cos(i) l)^2`` and, among inner sides, of ``|q p| |L'''|^(2/3) / cos(i)^2``
+[m^(2/3)], with the widths q and p [m], at the arc, of the pencils of rays from the antenna and from the point, the
+length l [m] of the arc, and the third derivative L''' [1/m^2] of the path length along it; cosine of the angle to the
+normal at the point."""
 
 
 @njit(error_model="numpy", nogil=True)
@@ -269,8 +269,7 @@ def _interpolate(angle: Array, i: int, share: float, out: Array) -> None:
 @njit(makes_arrays=True, error_model="numpy", nogil=True)
 def trace_points(
     antennas: Array,
-    below: NDArray[np.int64],
-    above: NDArray[np.int64],
+    fans: NDArray[np.int64],
     start: Array,
     count: NDArray[np.int64],
     position: Array,
@@ -293,31 +292,32 @@ def trace_points(
 ) -> None:
     """Find the paths to points `first` to `last`, and fill them into the (n, p, most) tables `seen`, `cosine`, `facts`.
 
-    For each antenna, Newton's method starts from the approximate paths of the nearest antennas on either side for which
-    fans were cast, the fans `below` and `above` (n,): ``start`` (fans, p, most, k), `count` (fans, p) of them.
+    Newton's method starts from the approximate paths of the antennas `fans` for which fans were cast, ``start`` (fans,
+    p, most, k), `count` (fans, p) of them, and follows each path from antenna to antenna, up to the next fan on either
+    side, as long as it finds one that is not known yet.
     """
     k = arcs.shape[0]
-    angle, work, taken = np.empty(k), np.empty((5, k + 2)), np.empty(seen.shape[2])
+    angle, work, taken = np.empty(k), np.empty((5, k + 2)), np.empty((antennas.shape[0], seen.shape[2]))
+    number = np.empty(antennas.shape[0], dtype=np.int64)
     for p in range(first, last):
-        for n in range(antennas.shape[0]):
-            number = 0
-            for turn in range(2):
-                fan = above[n] if turn else below[n]
-                if turn and (above[n] == below[n] or number >= max(count[above[n], p], count[below[n], p])):
-                    continue
-                for candidate in range(count[fan, p]):
-                    if number == taken.size:
-                        break
-                    for j in range(k):
-                        angle[j] = start[fan, p, candidate, j]
+        number[:] = 0
+        for turn in range(2 * fans.size):
+            fan, step = turn // 2, 1 - 2 * (turn % 2)
+            begin = fans[fan] if step > 0 else fans[fan] - 1
+            end = -1 if step < 0 else antennas.shape[0]
+            if 0 <= fan + step < fans.size:
+                end = fans[fan + step]
+            for candidate in range(count[fan, p]):
+                angle[:] = start[fan, p, candidate]
+                for n in range(begin, end, step):
                     if not stationary(antennas[n, 0], antennas[n, 1], target[p, 0], target[p, 1], arcs, angle, work):
-                        continue
-                    again = False
-                    for other in range(number):
-                        gap = (angle[0] - taken[other] + np.pi) % (2.0 * np.pi) - np.pi
+                        break
+                    again = number[n] == taken.shape[1]
+                    for other in range(number[n]):
+                        gap = (angle[0] - taken[n, other] + np.pi) % (2.0 * np.pi) - np.pi
                         again |= abs(gap) < SAME
                     if again:
-                        continue
+                        break
                     if walk(
                         antennas[n, 0],
                         antennas[n, 1],
@@ -338,9 +338,9 @@ def trace_points(
                         facets,
                         obstacles,
                         work,
-                        cosine[n, p, number],
-                        facts[n, p, number],
+                        cosine[n, p, number[n]],
+                        facts[n, p, number[n]],
                     ):
-                        seen[n, p, number] = True
-                        taken[number] = angle[0]
-                        number += 1
+                        seen[n, p, number[n]] = True
+                        taken[n, number[n]] = angle[0]
+                        number[n] += 1
