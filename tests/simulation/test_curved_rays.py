@@ -10,6 +10,7 @@ from floor_plans import make_scene, segment
 from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
+from mirrorfold.errors import InputError
 from mirrorfold.simulation import simulate
 from mirrorfold.simulation.rays.curved import CurvedChain, CurvedPaths, trace_curved
 from mirrorfold.simulation.rays.outline import Outline, outline_of
@@ -212,3 +213,27 @@ def test_an_arc_may_turn_its_outer_side_to_some_of_the_antennas_only() -> None:
     s = simulate(scene)["s"].values
     assert np.isfinite(s).all()
     np.testing.assert_allclose(s, s.transpose(0, 2, 1), atol=1e-6 * np.abs(s).max())
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sweeps_of_arcs_and_circles_are_reciprocal(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    found = 0
+    for _ in range(5):
+        surfaces = []
+        # The circles do not overlap.
+        for kind, x in zip(random.permutation(["arc", "arc", "circle", "circle"]), (-0.5, 0.0, 0.5), strict=False):
+            center, radius = (x + random.uniform(-0.1, 0.1), random.uniform(0.5, 1.6)), random.uniform(0.03, 0.15)
+            surfaces.append({"kind": "circle", "center": center, "radius": radius})
+            if kind == "arc":
+                radius, middle = random.uniform(0.2, 2.0), random.uniform(0.0, 2.0 * np.pi)
+                center = (center[0] - radius * np.cos(middle), center[1] - radius * np.sin(middle))
+                surfaces[-1] = arc(center, radius, np.degrees(middle), random.uniform(10.0, 60.0))
+        scene = make_scene(*surfaces, elements=5, pitch=5e-3, band={"start": 28e9, "stop": 30e9, "points": 2})
+        try:
+            s = simulate(scene, bounces=2)["s"].values
+        except InputError:  # an antenna sees nothing, or stands within a surface
+            continue
+        np.testing.assert_allclose(s, s.transpose(0, 2, 1), rtol=0.0, atol=1e-5 * np.abs(s).max())
+        found += 1
+    assert found >= 3

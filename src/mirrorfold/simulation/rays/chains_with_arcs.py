@@ -5,7 +5,7 @@ Chains grow by one mirror at a time: a mirror is appended if an antenna sees one
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,18 +109,16 @@ def chains_with_arcs(antennas: Array, outline: Outline, flat: Sequence[Chain], b
     return found
 
 
-def there_and_back(
-    from_tx: ChainsWithArcs, from_rx: ChainsWithArcs, tx: Array, outline: Outline
-) -> Iterator[CurvedChain]:
+def there_and_back(from_tx: ChainsWithArcs, from_rx: ChainsWithArcs, tx: Array, outline: Outline) -> list[CurvedChain]:
     """Chains from the transmitters by way of a mirror that both sides see to the receivers, with two arcs or more.
 
     A chain with a single reflection at an arc, and flat mirrors before and after it, is a glint (`glints`).
     """
-    for there, shown in from_tx.seen.items():
-        for back, also in from_rx.seen.items():
-            if len(there) - len(back) not in (0, 1):  # so that each chain is found once
-                continue
-            for mirror_side in sorted(shown & also):
-                way = (*there, mirror_side, *back[::-1])
-                if sum(side != 0 for _, side in way) > 1:
-                    yield CurvedChain(way, tx, outline)
+    ways = {
+        (*there, mirror_side, *back[::-1])
+        for there, shown in from_tx.seen.items()
+        for back, also in from_rx.seen.items()
+        if abs(len(there) - len(back)) <= 1  # so that both directions of a chain are found, or neither
+        for mirror_side in shown & also
+    }
+    return [CurvedChain(way, tx, outline) for way in sorted(ways) if sum(side != 0 for _, side in way) > 1]

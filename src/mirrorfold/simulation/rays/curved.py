@@ -13,19 +13,29 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.geometry import Isometry, cross2, reflect_each, segment_normal
+from mirrorfold.common.geometry import Isometry, cross2, segment_normal
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.rays.fermat import (
-    BEND,
+    APERTURE,
     CAUSTICS,
     END_COSINE,
-    EXTENT,
     FACTS,
-    LEGS,
+    FIRST,
+    FOLD,
     LENGTH,
+    M00,
+    M01,
+    M10,
+    M11,
+    RADIUS,
+    SIDE,
+    SPAN,
     SPREADING,
+    X,
+    Y,
     starts,
     trace_points,
 )
@@ -38,14 +48,17 @@ FAN = 128
 NARROW = 33
 """Number of rays over the part of an arc from which rays meet the next arc."""
 
+FINER = 4
+"""Each edge of that part is narrowed down as often to one of 32 steps: to a millionth of the step between two rays."""
+
 APART = 32
 """Fans are cast from every 32nd antenna: the places at which neighbouring antennas, half a wavelength apart, see a
-mirror differ by some mm only, so that Newton's method converges from the paths of one antenna to those of another."""
+mirror differ by little, so that Newton's method follows the paths from antenna to antenna."""
 
 MOST_PATHS = 4
 """Largest number of paths over one chain between an antenna and a point."""
 
-FOLD = 1.094
+AIRY = 1.094
 """Where two paths merge at a caustic, their sum is Airy's integral at zero: each contributes ``2 Gamma(4/3) cos(pi/6) /
 sqrt(2)``, this factor, times ``(6 / (k |L'''|))^(1/3)``, with the third derivative L''' of the path length."""
 
@@ -63,26 +76,24 @@ class CurvedPaths(ChainPaths):
         Width ``|q|`` of the pencil of rays at the point, per radian at the antenna.
     caustics : (paths,) array
         Number of caustics on each path.
-    legs, extent, bend : (paths,) arrays [m^2], [m], [1/m^2]
-        Properties of the last arc, see `FACTS` in `fermat`: they limit the field at a caustic.
+    aperture, fold : (paths,) arrays, [m^(2/3)]
+        Properties of the arcs that limit the field at a caustic, see `FACTS` in `fermat`.
     """
 
     spreading: Array
     caustics: Array
-    legs: Array
-    extent: Array
-    bend: Array
+    aperture: Array
+    fold: Array
 
     def spread(self, wavelength: Array) -> Array:
         """Complex amplitude at wavelengths (f, 1) [m], with the phase gained at caustics, (f, paths).
 
-        It is ``1 / sqrt(|q|)`` by geometrical optics, which diverges at a caustic. It is limited to the amplitude that
-        the last arc returns where it adds up in phase: over its whole length, or, where two paths merge, over the
-        length that Airy's integral gives, whichever is shorter.
+        It is ``1 / sqrt(|q|)`` by geometrical optics, which diverges at a caustic. It is limited to the least of the
+        amplitudes that the arcs return where they add up in phase: an arc over its whole length, or, where two paths
+        merge, over the length that Airy's integral gives, whichever is shorter. Thus it is the same in both directions.
         """
-        with np.errstate(divide="ignore"):
-            zone = FOLD * np.cbrt(6.0 * wavelength / (2.0 * np.pi * self.bend))
-        least = wavelength * self.legs / np.minimum(zone, self.extent) ** 2
+        at_fold = self.fold * (np.pi / (3.0 * wavelength)) ** (2.0 / 3.0) / AIRY**2
+        least = wavelength * np.maximum(self.aperture, at_fold)
         return np.asarray(self.share * 1j**self.caustics / np.sqrt(np.maximum(self.spreading, least)))
 
 
@@ -146,41 +157,41 @@ class CurvedChain:
         return (unfold, np.array(arcs), *index, np.array(unfolded).reshape(-1, 2, 2), np.array(flat).reshape(-1, 2, 2))  # type: ignore[return-value]
 
 
+@njit(makes_arrays=True, error_model="numpy", nogil=True)
 def _trace_rays(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array, Array]:
     """Trace rays from an antenna to the angles (m,) on the first arc, and on over all k arcs.
 
     Returns the angles (m, k) at which each ray meets the arcs, NaN from the first arc that it misses on, and the place
     and the reflected direction (m, 2) at the last arc that it meets.
     """
-    angles = np.full((angle.size, len(arcs)), np.nan)
-    place = np.tile(antenna, (angle.size, 1))
-    heading = np.full((angle.size, 2), np.nan)
-    on = np.ones(angle.size, dtype=bool)
-    for level, row in enumerate(arcs):
-        center, linear, (radius, first, span, side) = row[:2], row[2:6].reshape(2, 2), row[6:10]
-        if level == 0:
-            at = angle
-        else:
-            offset = place - center
-            nearest = -np.sum(offset * heading, axis=1)
-            with np.errstate(invalid="ignore"):
-                half = np.sqrt(radius**2 - cross2(heading, offset) ** 2)
-                distance = nearest - side * half
-                on &= distance > 0.0
-                met = (offset + distance[:, None] * heading) @ linear
-                at = np.arctan2(met[:, 1], met[:, 0])
+    angles = np.full((angle.size, arcs.shape[0]), np.nan)
+    place, heading = np.empty((angle.size, 2)), np.empty((angle.size, 2))
+    for ray in range(angle.size):
+        x, y, dx, dy, at = antenna[0], antenna[1], np.nan, np.nan, angle[ray]
+        for level in range(arcs.shape[0]):
+            arc = arcs[level]
+            radius, side = arc[RADIUS], arc[SIDE]
+            if level > 0:
+                ox, oy = x - arc[X], y - arc[Y]
+                # The root is NaN for a ray that misses the whole circle.
+                distance = -(ox * dx + oy * dy) - side * np.sqrt(radius * radius - (dx * oy - dy * ox) ** 2)
+                ox, oy = ox + distance * dx, oy + distance * dy
+                at = np.arctan2(ox * arc[M01] + oy * arc[M11], ox * arc[M00] + oy * arc[M10])
                 # The arc is prolonged by 5 % of its span at either end, so that the outermost rays have neighbours.
-                on &= (at - first + 0.05 * span) % (2.0 * np.pi) <= 1.1 * span
-        normal = np.stack([np.cos(at), np.sin(at)], axis=1) @ linear.T
-        reached = center + radius * normal
-        with np.errstate(invalid="ignore", divide="ignore"):
-            way = (reached - place) / np.linalg.norm(reached - place, axis=1)[:, None]
-            on &= side * np.sum(way * normal, axis=1) < 0.0
-        if not on.any():
-            break
-        angles[on, level] = at[on]
-        place = np.where(on[:, None], reached, place)
-        heading = np.where(on[:, None], reflect_each(way, 0.0, normal), heading)
+                if not distance > 0.0 or (at - arc[FIRST] + 0.05 * arc[SPAN]) % (2.0 * np.pi) > 1.1 * arc[SPAN]:
+                    break
+            cos, sin = np.cos(at), np.sin(at)
+            nx, ny = arc[M00] * cos + arc[M01] * sin, arc[M10] * cos + arc[M11] * sin
+            wx, wy = arc[X] + radius * nx - x, arc[Y] + radius * ny - y
+            way = np.sqrt(wx * wx + wy * wy)
+            wx, wy = wx / way, wy / way
+            incidence = wx * nx + wy * ny
+            if not side * incidence < 0.0:
+                break
+            angles[ray, level] = at
+            x, y = arc[X] + radius * nx, arc[Y] + radius * ny
+            dx, dy = wx - 2.0 * incidence * nx, wy - 2.0 * incidence * ny
+        place[ray, 0], place[ray, 1], heading[ray, 0], heading[ray, 1] = x, y, dx, dy
     return angles, place, heading
 
 
@@ -194,16 +205,17 @@ def _fan(antenna: Array, arcs: Array) -> tuple[Array, Array, Array, NDArray[np.b
     intervals = _lit_intervals(antenna, arcs[0])
     for level in range(1, len(arcs)):
         intervals = _intervals_meeting(antenna, arcs, level, intervals)
-    if not intervals:
-        return None
-    parts = []
-    for interval in intervals:
-        angles, place, heading = _trace_rays(antenna, arcs, interval)
-        through = np.isfinite(angles[:, -1])
-        joined = np.append(through[:-1] & through[1:], False)
-        parts.append((angles[through], place[through], heading[through], joined[through]))
-    angles, place, heading, joined = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return (angles, place, heading, joined) if len(place) else None
+    angle, paired = _all_of(intervals)
+    angles, place, heading = _trace_rays(antenna, arcs, angle)
+    through = np.isfinite(angles[:, -1])
+    paired[:-1] &= through[1:]
+    return (angles[through], place[through], heading[through], paired[through]) if through.any() else None
+
+
+def _all_of(intervals: list[Array]) -> tuple[Array, NDArray[np.bool_]]:
+    """The angles of all intervals, and a mask of those followed by another angle of the same interval."""
+    paired = [np.arange(1, interval.size + 1) < interval.size for interval in intervals]
+    return np.concatenate([np.empty(0), *intervals]), np.concatenate([np.empty(0, dtype=bool), *paired])
 
 
 def _dense_at_ends(begin: float, end: float, count: int) -> Array:
@@ -234,30 +246,55 @@ def _lit_intervals(antenna: Array, arc: Array) -> list[Array]:
 def _intervals_meeting(antenna: Array, arcs: Array, level: int, intervals: list[Array]) -> list[Array]:
     """The parts of intervals of the angle on the first arc from which rays meet arc number `level`."""
     center, radius = arcs[level, :2], arcs[level, 6]
-    for _ in range(2):
-        narrower = []
-        for interval in intervals:
-            angles, place, heading = _trace_rays(antenna, arcs[:level], interval)
-            offset = center - place
-            aside = cross2(heading, offset) / radius
-            ahead = (np.isfinite(angles[:, -1])) & (np.sum(heading * offset, axis=1) > -radius)
-            pairs = np.flatnonzero(ahead[:-1] & ahead[1:])
-            low, high = aside[pairs], aside[pairs + 1]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                # Fractions between two rays at which the ray's distance from the center equals the radius, either side.
-                edges = np.sort(np.clip((np.array([[-1.0], [1.0]]) - low) / (high - low), 0.0, 1.0), axis=0)
-            edges = np.where(np.abs(high - low) > 0.0, edges, np.where(np.abs(low) < 1.0, [[0.0], [1.0]], 0.0))
-            hit = edges[1] > edges[0]
-            pairs, (begin, end) = pairs[hit], edges[:, hit]
-            if not pairs.size:
-                continue
-            step = interval[pairs + 1] - interval[pairs]
-            begin, end = interval[pairs] + begin * step, interval[pairs] + end * step
-            breaks = np.flatnonzero((np.diff(pairs) > 1) | (begin[1:] > end[:-1] + 1e-3 * step[1:])) + 1
-            for some_begin, some_end in zip(np.split(begin, breaks), np.split(end, breaks), strict=True):
-                narrower.append(_dense_at_ends(some_begin[0], some_end[-1], NARROW))
-        intervals = narrower
-    return intervals
+    angle, paired = _all_of(intervals)
+    angles, place, heading = _trace_rays(antenna, arcs[:level], angle)
+    offset = center - place
+    aside = cross2(heading, offset) / radius
+    along = np.sum(heading * offset, axis=1)
+    ahead = np.isfinite(angles[:, -1]) & (along > -radius)
+    # The outer side is met from outside only: not from where the arc before runs within the circle.
+    outside = (arcs[level, SIDE] < 0.0) | ((along > 0.0) & (np.linalg.norm(offset, axis=1) > radius))
+    pairs = np.flatnonzero(ahead[:-1] & ahead[1:] & (outside[:-1] | outside[1:]) & paired[:-1])
+    low, high = aside[pairs], aside[pairs + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Fractions between two rays at which the ray's distance from the center equals the radius, either side.
+        edges = np.sort(np.clip((np.array([[-1.0], [1.0]]) - low) / (high - low), 0.0, 1.0), axis=0)
+    edges = np.where(np.abs(high - low) > 0.0, edges, np.where(np.abs(low) < 1.0, [[0.0], [1.0]], 0.0))
+    hit = edges[1] > edges[0]
+    pairs, (begin, end) = pairs[hit], edges[:, hit]
+    if not pairs.size:
+        return []
+    step = angle[pairs + 1] - angle[pairs]
+    begin, end = angle[pairs] + begin * step, angle[pairs] + end * step
+    breaks = np.flatnonzero((np.diff(pairs) > 1) | (begin[1:] > end[:-1] + 1e-3 * step[1:])) + 1
+    # Between two rays the distance is no linear function: half of the width is added at either end, up to these rays.
+    low, high = begin[np.append(0, breaks)], end[np.append(breaks - 1, -1)]
+    margin = 0.5 * (high - low)
+    low = np.maximum(low - margin, angle[pairs[np.append(0, breaks)]])
+    high = np.minimum(high + margin, angle[pairs[np.append(breaks - 1, -1)] + 1])
+    intervals = [_dense_at_ends(*ends, NARROW) for ends in zip(low, high, strict=True)]
+    return _up_to_edges(antenna, arcs[: level + 1], intervals)
+
+
+def _up_to_edges(antenna: Array, arcs: Array, intervals: list[Array]) -> list[Array]:
+    """The parts of intervals of the angle on the first arc from which rays reach the last arc, up to their very edges.
+
+    The direction of a ray that grazes an arc changes as the square root of the distance from the edge: between a rough
+    edge and the true one, the paths of a wide range of directions would be missing.
+    """
+    angle, paired = _all_of(intervals)
+    through = np.isfinite(_trace_rays(antenna, arcs, angle)[0][:, -1])
+    change = np.flatnonzero((through[:-1] != through[1:]) & paired[:-1])
+    on, off = angle[change + ~through[change]], angle[change + through[change]]
+    for _ in range(FINER if change.size else 0):
+        between = on + np.linspace(0.0, 1.0, NARROW)[:, None] * (off - on)
+        reach = np.isfinite(_trace_rays(antenna, arcs, between.ravel())[0][:, -1]).reshape(between.shape)
+        last = np.argmin(reach, axis=0) - 1
+        on, off = np.take_along_axis(between, np.stack([last, last + 1]), axis=0)
+    # An interval that begins, or ends, with a ray that reaches the arc keeps this end.
+    outermost = ~paired | np.append(True, ~paired[:-1])
+    ends = np.sort(np.concatenate([angle[through & outermost], on]))
+    return [_dense_at_ends(begin, end, NARROW) for begin, end in ends.reshape(-1, 2)]
 
 
 def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
@@ -287,15 +324,12 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
     shape = (chain.count, used.size, min(most, MOST_PATHS))
     seen = np.zeros(shape, dtype=bool)
     cosine, facts = np.empty((*shape, len(chain.mirrors_and_sides))), np.empty((*shape, FACTS))
-    below = np.searchsorted(fans, np.arange(chain.count), side="right") - 1
-    above = np.searchsorted(fans, np.arange(chain.count), side="left")
     if used.size:
         in_shares(
             trace_points,
             used.size,
             chain.antennas,
-            below,
-            above,
+            fans,
             *(np.ascontiguousarray(table[:, used]) for table in (start, count)),
             points.position[used],
             points.normal[used],
@@ -329,7 +363,6 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
         end_cosine=about[END_COSINE],
         spreading=about[SPREADING],
         caustics=about[CAUSTICS],
-        legs=about[LEGS],
-        extent=about[EXTENT],
-        bend=about[BEND],
+        aperture=about[APERTURE],
+        fold=about[FOLD],
     )

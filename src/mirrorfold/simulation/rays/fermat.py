@@ -33,14 +33,12 @@ path length is of second order in the last step."""
 SAME = 1e-6
 """Solutions whose first angles differ by less than this [rad] are the same path."""
 
-TURN = 1e-3
-"""Step [rad] of the finite difference that gives the third derivative of a path length."""
-
-LENGTH, SPREADING, CAUSTICS, LEGS, EXTENT, BEND, END_COSINE, FACTS = range(8)
-"""Columns of the table of paths: length [m]; ``|q|`` [m] at the point; number of caustics on the path; of the last arc,
-``|q| s / cos(i)^2`` with the remaining distance s to the point [m^2], the length of the arc [m], and the magnitude of
-the third derivative of the path length along the arc [1/m^2], zero on an outer side; cosine of the angle to the normal
-at the point."""
+LENGTH, SPREADING, CAUSTICS, APERTURE, FOLD, END_COSINE, FACTS = range(7)
+"""Columns of the table of paths: length [m]; ``|q|`` [m] at the point; number of caustics on the path; the largest,
+among the arcs, of ``|q p| / (cos(i) l)^2`` and, among inner sides, of ``|q p| |L'''|^(2/3) / cos(i)^2``
+[m^(2/3)], with the widths q and p [m], at the arc, of the pencils of rays from the antenna and from the point, the
+length l [m] of the arc, and the third derivative L''' [1/m^2] of the path length along it; cosine of the angle to the
+normal at the point."""
 
 
 @njit(error_model="numpy", nogil=True)
@@ -98,21 +96,6 @@ def stationary(ax: float, ay: float, px: float, py: float, arcs: Array, angle: A
 
 
 @njit(error_model="numpy", nogil=True)
-def _second_derivative(vx: float, vy: float, px: float, py: float, sign: float, arc: Array, angle: float) -> float:
-    """Second derivative, along the arc, of the path length from v by the arc's point at `angle` to p, [1/m].
-
-    v is the point from which the waves diverge (`sign` +1), or to which they converge (`sign` -1).
-    """
-    cos, sin = np.cos(angle), np.sin(angle)
-    nx, ny = arc[M00] * cos + arc[M01] * sin, arc[M10] * cos + arc[M11] * sin
-    x, y = arc[X] + arc[RADIUS] * nx, arc[Y] + arc[RADIUS] * ny
-    before, after = np.sqrt((vx - x) ** 2 + (vy - y) ** 2), np.sqrt((px - x) ** 2 + (py - y) ** 2)
-    incident = sign * ((vx - x) * nx + (vy - y) * ny) / before
-    reflected = ((px - x) * nx + (py - y) * ny) / after
-    return float(incident**2 / (sign * before) + reflected**2 / after + (incident + reflected) / arc[RADIUS])
-
-
-@njit(error_model="numpy", nogil=True)
 def walk(
     ax: float,
     ay: float,
@@ -132,6 +115,7 @@ def walk(
     flat: Array,
     facets: Array,
     obstacles: Array,
+    work: Array,
     cosines: Array,
     facts: Array,
 ) -> bool:
@@ -140,12 +124,12 @@ def walk(
     The path runs from antenna a over the arcs (k,) to the point p, whose unfolded position is `target`. Flat mirrors
     (f, 2, 2) are crossed on the legs `leg` (f,), in order: `unfolded` are their unfolded positions, `flat` their true
     ones. `arc_slot` and `flat_slot` are the places of the arcs and of the flat mirrors in the chain. `facets` and
-    `obstacles` are the facets and the arcs of the `Outline`.
+    `obstacles` are the facets and the arcs of the `Outline`. `work` (5, k + 2) is scratch memory.
     """
     k = arcs.shape[0]
     ux, uy, rx, ry = ax, ay, ax, ay
     q, growth, length, caustics, crossed = 0.0, 1.0, 0.0, 0, 0
-    legs, extent, bend, last_cos = 0.0, 0.0, 0.0, 1.0
+    legs, width, vergence, power, incidences = work
     for level in range(k + 1):
         if level < k:
             cos, sin = np.cos(angle[level]), np.sin(angle[level])
@@ -179,7 +163,7 @@ def walk(
         grown = q + distance * growth
         if q * grown < 0.0:
             caustics += 1
-        q, length = grown, length + distance
+        q, length, legs[level] = grown, length + distance, distance
         if level == k:
             break
         incidence = -(dx * nx + dy * ny) * side / distance
@@ -200,17 +184,9 @@ def walk(
             return False
         rx, ry = real_x, real_y
         cosines[arc_slot[level]] = incidence
-        if level == k - 1:
-            legs, extent, last_cos = abs(q), radius * arcs[level, SPAN], incidence
-            if side < 0.0:
-                # Incident waves diverge from a point, or converge to one, at the distance of their radius of curvature.
-                curve = q / growth
-                wx, wy = vx - curve * dx / distance, vy - curve * dy / distance
-                sign = 1.0 if curve > 0.0 else -1.0
-                high = _second_derivative(wx, wy, target_x, target_y, sign, arcs[level], angle[level] + TURN)
-                low = _second_derivative(wx, wy, target_x, target_y, sign, arcs[level], angle[level] - TURN)
-                bend = abs(high - low) / (2.0 * TURN * radius)
-        growth += side * 2.0 * q / (radius * incidence)
+        width[level], vergence[level], incidences[level] = q, growth / q, incidence
+        power[level] = side * 2.0 / (radius * incidence)
+        growth += power[level] * q
         ux, uy = vx, vy
     if shadowed(px, py, rx, ry, facets, obstacles, enclosing_face):
         return False
@@ -219,8 +195,18 @@ def walk(
     if facing <= 0.0 and (normal_x != 0.0 or normal_y != 0.0):
         return False
     facts[LENGTH], facts[SPREADING], facts[CAUSTICS] = length, abs(q), caustics
-    facts[LEGS], facts[EXTENT], facts[BEND] = legs * distance / last_cos**2, extent, bend
-    facts[END_COSINE] = facing
+    facts[APERTURE], facts[FOLD], facts[END_COSINE] = 0.0, 0.0, facing
+    q, growth = legs[k], 1.0  # the pencil from the point
+    for level in range(k - 1, -1, -1):
+        radius, cos = arcs[level, RADIUS], incidences[level]
+        both = abs(width[level] * q) / cos**2
+        facts[APERTURE] = max(facts[APERTURE], both / (radius * arcs[level, SPAN]) ** 2)
+        if arcs[level, SIDE] < 0.0 and both > 0.0:
+            uneven, second = vergence[level] - growth / q, cos * (vergence[level] + growth / q) - 1.0 / radius
+            third = 3.0 * np.sqrt(max(1.0 - cos**2, 0.0)) * cos * abs(uneven * second)
+            facts[FOLD] = max(facts[FOLD], both * third ** (2.0 / 3.0))
+        growth += power[level] * q
+        q += legs[level] * growth
     return True
 
 
@@ -283,8 +269,7 @@ def _interpolate(angle: Array, i: int, share: float, out: Array) -> None:
 @njit(makes_arrays=True, error_model="numpy", nogil=True)
 def trace_points(
     antennas: Array,
-    below: NDArray[np.int64],
-    above: NDArray[np.int64],
+    fans: NDArray[np.int64],
     start: Array,
     count: NDArray[np.int64],
     position: Array,
@@ -307,31 +292,32 @@ def trace_points(
 ) -> None:
     """Find the paths to points `first` to `last`, and fill them into the (n, p, most) tables `seen`, `cosine`, `facts`.
 
-    For each antenna, Newton's method starts from the approximate paths of the nearest antennas on either side for which
-    fans were cast, the fans `below` and `above` (n,): ``start`` (fans, p, most, k), `count` (fans, p) of them.
+    Newton's method starts from the approximate paths of the antennas `fans` for which fans were cast, ``start`` (fans,
+    p, most, k), `count` (fans, p) of them, and follows each path from antenna to antenna, up to the next fan on either
+    side, as long as it finds one that is not known yet.
     """
     k = arcs.shape[0]
-    angle, work, taken = np.empty(k), np.empty((5, k + 2)), np.empty(seen.shape[2])
+    angle, work, taken = np.empty(k), np.empty((5, k + 2)), np.empty((antennas.shape[0], seen.shape[2]))
+    number = np.empty(antennas.shape[0], dtype=np.int64)
     for p in range(first, last):
-        for n in range(antennas.shape[0]):
-            number = 0
-            for turn in range(2):
-                fan = above[n] if turn else below[n]
-                if turn and (above[n] == below[n] or number >= max(count[above[n], p], count[below[n], p])):
-                    continue
-                for candidate in range(count[fan, p]):
-                    if number == taken.size:
-                        break
-                    for j in range(k):
-                        angle[j] = start[fan, p, candidate, j]
+        number[:] = 0
+        for turn in range(2 * fans.size):
+            fan, step = turn // 2, 1 - 2 * (turn % 2)
+            begin = fans[fan] if step > 0 else fans[fan] - 1
+            end = -1 if step < 0 else antennas.shape[0]
+            if 0 <= fan + step < fans.size:
+                end = fans[fan + step]
+            for candidate in range(count[fan, p]):
+                angle[:] = start[fan, p, candidate]
+                for n in range(begin, end, step):
                     if not stationary(antennas[n, 0], antennas[n, 1], target[p, 0], target[p, 1], arcs, angle, work):
-                        continue
-                    again = False
-                    for other in range(number):
-                        gap = (angle[0] - taken[other] + np.pi) % (2.0 * np.pi) - np.pi
+                        break
+                    again = number[n] == taken.shape[1]
+                    for other in range(number[n]):
+                        gap = (angle[0] - taken[n, other] + np.pi) % (2.0 * np.pi) - np.pi
                         again |= abs(gap) < SAME
                     if again:
-                        continue
+                        break
                     if walk(
                         antennas[n, 0],
                         antennas[n, 1],
@@ -351,9 +337,10 @@ def trace_points(
                         flat,
                         facets,
                         obstacles,
-                        cosine[n, p, number],
-                        facts[n, p, number],
+                        work,
+                        cosine[n, p, number[n]],
+                        facts[n, p, number[n]],
                     ):
-                        seen[n, p, number] = True
-                        taken[number] = angle[0]
-                        number += 1
+                        seen[n, p, number[n]] = True
+                        taken[n, number[n]] = angle[0]
+                        number[n] += 1

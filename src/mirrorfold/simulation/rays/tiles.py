@@ -239,7 +239,7 @@ def find_visible(
     to_rx = to_tx if same_array else chains(rx, outline, bounces)
     tx_chains_with_arcs = chains_with_arcs(tx, outline, to_tx, bounces * curved)
     rx_chains_with_arcs = tx_chains_with_arcs if same_array else chains_with_arcs(rx, outline, to_rx, bounces * curved)
-    over_arcs = list(there_and_back(tx_chains_with_arcs, rx_chains_with_arcs, tx, outline))
+    over_arcs = there_and_back(tx_chains_with_arcs, rx_chains_with_arcs, tx, outline)
     spacing = speed_of_light / float(scene.band.frequency.mean()) if spacing is None else spacing
     scatterers = draw_scatterers(scene, outline, spacing=spacing, seed=seed)
     return VisibleScene(
