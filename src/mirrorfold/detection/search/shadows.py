@@ -156,11 +156,12 @@ def _reach(
     """
     points = echoes.position[echoes.visible]
     position, cell = mirror.along(points), float(view.extent(mirror.ends, mirror.direction).max())
-    end, next_one = mirror.length, _next(mirror, others or (), view)
+    others_on_line = _on_line(mirror, others or (), view)
+    end, next_one = mirror.length, _next(mirror, others or (), others_on_line)
     halfway = 0.5 * (end + next_one)
     on_line = np.abs(mirror.beside(points)) <= NEAR * view.extent(points, mirror.normal)
     beyond = np.sort(position[on_line & (position > end) & (position < halfway)])
-    faint_end, corner = end, _corner(mirror, others or (), view)
+    faint_end, corner = end, _corner(mirror, others or (), others_on_line)
     for row in np.split(beyond, np.flatnonzero(np.diff(beyond) > GAP_CELLS * cell) + 1):
         is_row = row.size >= FEWEST and np.ptp(row) >= SHORTEST_CELLS * cell
         if not row.size or row[0] - end <= GAP_CELLS * cell:  # nearer ones belong to the mirror itself
@@ -181,26 +182,30 @@ def _reach(
     return max(end, faint_end)
 
 
-def _next(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> float:
+def _on_line(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> Mask:
+    """Which other mirrors have both ends on the line of a mirror, (others,)."""
+    ends = np.array([other.ends for other in others]).reshape(-1, 2)
+    near = np.abs(mirror.beside(ends)) <= NEAR * view.extent(ends, mirror.normal)
+    return np.asarray(near.reshape(-1, 2).all(axis=1))
+
+
+def _next(mirror: LineMirror, others: Sequence[LineMirror], on_line: Mask) -> float:
     """Position [m] along a mirror at which the next one on its line begins, beyond its end; infinite if none does."""
     begins = [
-        float(mirror.along(other.ends).min())
-        for other in others
-        if (np.abs(mirror.beside(other.ends)) <= NEAR * view.extent(other.ends, mirror.normal)).all()
+        float(mirror.along(other.ends).min()) for other, same_line in zip(others, on_line, strict=True) if same_line
     ]
     return min((begin for begin in begins if begin >= mirror.length), default=np.inf)
 
 
-def _corner(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> float:
+def _corner(mirror: LineMirror, others: Sequence[LineMirror], on_line: Mask) -> float:
     """Position [m] along a mirror at which its line meets that of another one, beyond its end; infinite if none does.
 
     There two walls may meet, and if they do so at right angles, what goes on straight is the image of a wall.
     """
     meets = []
-    for other in others:
+    for other, same_line in zip(others, on_line, strict=True):
         away, towards = float((other.center - mirror.end) @ other.normal), float(mirror.direction @ other.normal)
-        on_line = (np.abs(mirror.beside(other.ends)) <= NEAR * view.extent(other.ends, mirror.normal)).all()
-        if not on_line and away * towards > 0.0:
+        if not same_line and away * towards > 0.0:
             meets.append(mirror.length + away / towards)
     return min(meets, default=np.inf)
 
