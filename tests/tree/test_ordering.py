@@ -254,3 +254,15 @@ def test_the_radar_sees_itself_at_twice_the_distance_of_a_mirror(view):
     for mirror, itself in ((own, True), (other, False)):
         order, _ = ordered(known, [NEAR, mirror], opaque=False, minimum_length=0.01)
         assert_array_equal(order.images_of_radar(), [False, itself])
+
+
+@pytest.mark.parametrize("count", [4, 12])
+def test_lines_of_sight_are_met_with_each_mirror_and_each_piece_only_a_few_times(view, count, monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        LineMirror, "crossing", lambda mirror, view, met=LineMirror.crossing: asked.append(mirror) or met(mirror, view)
+    )
+    mirrors = [line([-0.3, 1.0 + 0.1 * place], [0.3, 1.0 + 0.1 * place]) for place in range(count)]
+    order, _ = ordered(view, mirrors, opaque=False)
+    assert len(order.mirrors) >= count
+    assert len(asked) <= 3 * len(order.mirrors)  # not once for every other mirror, too

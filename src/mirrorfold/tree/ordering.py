@@ -7,8 +7,9 @@ partly by way of one mirror and partly by way of another is cut.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -133,17 +134,18 @@ def _ordered(
 ) -> Order:
     """Cut the mirrors where their parent changes, find what objects hide, and the parent of each seen mirror."""
     whole, pieces, remains = mirrors, [[mirror] for mirror in mirrors], list[Mirror]()
+    met_at = cache(lambda mirror: mirror.crossing(view))  # each of the others asks for it again
     # A piece of a mirror that is itself cut may be the parent: the second pass uses the pieces of the first.
     for _ in range(2):
         others = [list(chain(*pieces[:i], *pieces[i + 1 :])) for i in range(len(whole))]
-        cut = [_pieces(mirror, rest, view, settings) for mirror, rest in zip(whole, others, strict=True)]
+        cut = [_pieces(mirror, rest, view, settings, met_at) for mirror, rest in zip(whole, others, strict=True)]
         pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
     mirrors = list(chain(*pieces))
     # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
     margin = settings.wall_margin or 0.0
     face, edge = (faces(some, view, echoes, margin, unseen=UNSEEN, root=ROOT) for some in (mirrors, remains))
     face[(face == ROOT) & (edge != ROOT)] = UNSEEN
-    crossing = np.array([mirror.crossing(view) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
+    crossing = np.array([met_at(mirror) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
     hides = echoes.visible & echoes.strong & (face == ROOT) & settings.opaque
     if walls is None:
         objects = echoes.take(hides)
@@ -170,14 +172,15 @@ def _ordered(
 
 
 def _pieces(
-    mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings
+    mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings, met_at: Callable[[Mirror], Array]
 ) -> tuple[list[Mirror], list[Mirror]]:
     """The pieces of a mirror that is seen by way of several others, and the pieces that are too small for a mirror.
 
     One row of echoes may be seen by two ways: the image of a wall in another wall at right angles continues the wall.
+    `met_at` gives the range [m] at which each line of sight meets a mirror, its `crossing`.
     """
     go_on()  # the time grows with the number of others: hundreds of mirrors take a minute
-    directions, before = _last_before(0, np.stack([m.crossing(view) for m in (mirror, *others)]))
+    directions, before = _last_before(0, np.stack([met_at(one) for one in (mirror, *others)]))
     if not directions.size or np.all(before == before[0]):
         return [mirror], []
     return mirror.pieces(view, directions, before, settings.minimum_length or 0.0)

@@ -109,7 +109,8 @@ class LineMirror(Mirror):
         power moves off the line, to opposite sides at the two ends, which turns a short wall. The effect grows with the
         correlation of the cell's extents along and across the row; so does the length that is left out.
         """
-        across, along = (view.extent(self.ends, axis) for axis in (self.normal, self.direction))
+        square = view.squares(self.ends)
+        across, along = (np.sqrt(square(axis)) for axis in (self.normal, self.direction))
         overlap = view.range_cell * view.cross_cell(self.ends) / (across * along)
         left_out = END_CELLS * np.sqrt(np.maximum(1.0 - overlap**2, 0.0)) * along
         if left_out.any():

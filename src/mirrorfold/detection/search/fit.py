@@ -152,27 +152,31 @@ def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tu
     Also the robust standard deviation [m] of the centroids from it; infinite where there is no fit. `reach`, `lobe` and
     `clip` are those of `power_centroids`.
     """
-    deviation = np.inf
+    deviation, base = np.inf, mirror.places(view)
     for _ in range(ROUNDS):
-        points, weight = power_centroids(mirror, view, reach, lobe, clip)
+        points, weight = power_centroids(mirror, view, reach, lobe, clip, base)
         if len(points) < FEWEST_PLACES:
             return mirror, np.inf
         fit = robust(points, weight, mirror.independent(view))
         mirror = mirror.moved(fit.normal, fit.center)
         mirror, deviation = replace(mirror, angle_error=fit.angle_error, offset_error=fit.offset_error), fit.deviation
-        if not np.isfinite(mirror.places(view)).all():  # some lines of sight that should meet it now miss it
+        base = mirror.places(view)
+        if not np.isfinite(base).all():  # some lines of sight that should meet it now miss it
             return mirror, np.inf
     return mirror, deviation
 
 
-def power_centroids(mirror: Mirror, view: View, reach: float, lobe: float, clip: float) -> tuple[Array, Array]:
+def power_centroids(
+    mirror: Mirror, view: View, reach: float, lobe: float, clip: float, base: Array | None = None
+) -> tuple[Array, Array]:
     """Centroids of power across a mirror, (n, d) [m], and their weights, (n,).
 
     The profiles reach over `reach` widths of the resolution cell to either side of the mirror. Of each profile, samples
     with at least `lobe` times its peak amplitude count, which is its main lobe. A centroid has the weight ``min(P,
     clip) / w^2``, with P the peak power over its median and w the width of the resolution cell across the mirror.
+    `base` are the places along the mirror, if they are known.
     """
-    base = mirror.places(view)
+    base = mirror.places(view) if base is None else base
     across = view.extent_each(base, mirror.facing(base)[1])
     depth = across[:, None] * np.linspace(-reach, reach, PROFILE_SAMPLES)
     beyond, power = mirror.profiles(view, base, depth)

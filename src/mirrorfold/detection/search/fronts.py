@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mirrorfold.common.kernels import njit
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.common.windows import half_amplitude_width, hann, spectrum_of
 from mirrorfold.detection.mirrors.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
 from mirrorfold.detection.search.fit import blocks, cell_side
@@ -140,6 +140,12 @@ def slabs() -> Slabs:
     return Slabs(table, table @ depth**2 - (table @ depth) ** 2, np.array(thickness))
 
 
+@lru_cache(4)
+def _slab_spectra(length: int) -> Complex:
+    """Spectra of the power of all `slabs`, filled up to the given number of samples, (slabs, length // 2 + 1)."""
+    return np.fft.rfft(slabs().power, length)
+
+
 def find_front(mirror: Mirror, view: View) -> Front:
     """Where the face of a wall is, given the mirror that was fitted to the centroids of power."""
     places = mirror.places(view)
@@ -161,7 +167,7 @@ def find_front(mirror: Mirror, view: View) -> Front:
     possible = models.thickness <= deepest
     # The golden ratio draws places from all over a line or a plane.
     drawn = places[chosen[(np.modf(0.618034 * np.arange(1, PLACES + 1))[0] * chosen.size).astype(np.intp)]]
-    predicted = _predicted(models.power[possible], cell_across(mirror, view, drawn, spread), depth)
+    predicted = _predicted(possible, cell_across(mirror, view, drawn, spread), depth)
     variance = models.variance[possible]
     decorrelation = _face_decorrelation(mirror, view, drawn) + variance / (1.0 + variance)
     likelihood = _likelihood(profile, uneven, predicted, decorrelation, depth, independent)
@@ -277,13 +283,14 @@ def _face_decorrelation(mirror: Mirror, view: View, places: Array) -> float:
     return float(np.mean(k / np.maximum(1.0 - k, 0.1)))
 
 
-def _predicted(power: Array, cell: Array, depth: Array) -> Array:
+def _predicted(possible: Mask, cell: Array, depth: Array) -> Array:
     """Logarithm of the profile of each slab at the given depths, its face at each of `SHIFTS`, (slabs, shifts, depths).
 
-    A profile is the convolution of the slab's `power` (slabs, n) with that of the `cell` (m,), plus `FLOOR`.
+    They are the `possible` ones of all `slabs`. A profile is the convolution of the power of a slab with that of the
+    `cell` (m,), plus `FLOOR`.
     """
-    length = power.shape[1] + cell.size - 1
-    profile = np.maximum(np.fft.irfft(np.fft.rfft(power, length) * np.fft.rfft(cell, length), length), 0.0)
+    length = slabs().power.shape[1] + cell.size - 1
+    profile = np.maximum(np.fft.irfft(_slab_spectra(length)[possible] * np.fft.rfft(cell, length), length), 0.0)
     profile = np.log(profile / profile.max(axis=1, keepdims=True) + FLOOR)
     at = np.rint((depth - SHIFTS[:, None] + LOBE) / STEP).astype(np.intp)
     return np.where((at >= 0) & (at < length), profile[:, np.clip(at, 0, length - 1)], np.log(FLOOR))

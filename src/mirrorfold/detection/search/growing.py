@@ -197,10 +197,11 @@ def lies_on(mirror: Mirror, other: Mirror, view: View) -> bool:
     """Whether a mirror lies on the line or plane of another one, to within a resolution cell, and its center between
     the ends of that.
     """
-    corners = mirror.center + np.array(list(product(*mirror.sides))) @ mirror.tangents
-    beside = np.abs(other.beside(corners)) <= view.extent(corners, other.normal)
     place = (mirror.center - other.center) @ other.tangents.T
-    return bool(beside.all() and (place >= other.sides[:, 0]).all() and (place <= other.sides[:, 1]).all())
+    if (place < other.sides[:, 0]).any() or (place > other.sides[:, 1]).any():
+        return False
+    corners = mirror.center + np.array(list(product(*mirror.sides))) @ mirror.tangents
+    return bool((np.abs(other.beside(corners)) <= view.extent(corners, other.normal)).all())
 
 
 def sagitta(mirror: Mirror, points: Array) -> float:

@@ -175,12 +175,10 @@ def _reach(
 
 def _next(mirror: LineMirror, others: Sequence[LineMirror], view: ImageView) -> float:
     """Position [m] along a mirror at which the next one on its line begins, beyond its end; infinite if none does."""
-    begins = [
-        float(mirror.along(other.ends).min())
-        for other in others
-        if (np.abs(mirror.beside(other.ends)) <= NEAR * view.extent(other.ends, mirror.normal)).all()
-    ]
-    return min((begin for begin in begins if begin >= mirror.length), default=np.inf)
+    ends = np.array([other.ends for other in others]).reshape(-1, 2)
+    on_line = (np.abs(mirror.beside(ends)) <= NEAR * view.extent(ends, mirror.normal)).reshape(-1, 2).all(axis=1)
+    begins = mirror.along(ends).reshape(-1, 2).min(axis=1)
+    return float(begins[on_line & (begins >= mirror.length)].min(initial=np.inf))
 
 
 def _shown(mirror: LineMirror, before: float, after: float, view: ImageView, clear: Clear) -> float:

@@ -243,7 +243,7 @@ class ImageView(View):
     def to_polar(self, points: ArrayLike) -> tuple[Array, Array]:
         """Range [m] and u of positions (..., 2) [m]; u is NaN behind the radar."""
         offset = np.asarray(points, dtype=float) - self.radar
-        range_ = np.linalg.norm(offset, axis=-1)
+        range_ = np.sqrt(offset[..., 0] ** 2 + offset[..., 1] ** 2)
         with np.errstate(invalid="ignore", divide="ignore"):
             u = np.where(offset @ self.broadside >= 0.0, (offset @ self.along) / range_, np.nan)
         return range_, u

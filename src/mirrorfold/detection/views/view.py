@@ -219,7 +219,7 @@ class View(ABC):
     def squares(self, points: Array) -> Callable[..., Array]:
         """A function that gives the squared `extent` at points (n, d), or at some of them, along unit vectors."""
         offset, cross = points - self.radar, self.cross_cell(points) ** 2
-        sight = offset.T / np.maximum(np.linalg.norm(offset, axis=1), np.finfo(float).tiny)
+        sight = offset.T / np.maximum(np.sqrt(sum(part**2 for part in offset.T)), np.finfo(float).tiny)
 
         def square(along: Array, which: Index | slice = slice(None)) -> Array:
             cosine = along.T @ sight[:, which]

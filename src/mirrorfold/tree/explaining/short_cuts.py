@@ -57,9 +57,10 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
             before = fold_of(order.mirrors_to(int(sight.parent[rough])), view.dimensions)
             crossing = sight.crossing[rough, echoes.direction]
             met = before(view.points(np.where(np.isfinite(crossing), crossing, np.nan), echoes.direction))
-            found |= (echoes.range > crossing) & _by(met, crossing, view, echoes, bright, places)
+            asked = np.flatnonzero((order.face == ROOT) & ~found & (echoes.range > crossing))
+            found[asked] = _by(met[asked], crossing[asked], view, echoes.take(asked), bright, places)
             rough = int(sight.parent[rough])
-    return found & (order.face == ROOT)
+    return found
 
 
 def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Echoes, places: Array) -> Mask:
