@@ -184,6 +184,30 @@ def test_a_glint_does_not_cut_the_row_of_a_pillar() -> None:
     assert found == 10
 
 
+def coarse_view() -> ImageView:
+    """As 4 GHz at 79 GHz and an array of 16 cm show a room."""
+    return replace(
+        empty_view(), range=np.arange(0.3, 3.0, 0.018), u=np.arange(-0.9, 0.9, 0.006), range_cell=0.074, u_cell=0.0202
+    )
+
+
+@pytest.mark.slow
+def test_both_halves_of_an_s_are_found_in_coarse_cells() -> None:
+    """Each bulges by half a cell, and none is known from its own echoes alone."""
+    joint, along, found = np.array([0.62, 1.4]), np.linspace(0.0, 0.55, 275), 0
+    way, square = np.array([-0.34, 0.94]), np.array([-0.94, -0.34])
+    # Tangent to the direction `way` at the joint, one half bulges to either side.
+    halves = [
+        joint
+        + side * radius * (np.sin(along / radius)[:, None] * way + (1.0 - np.cos(along / radius))[:, None] * square)
+        for side, radius in ((1.0, 0.9), (-1.0, 0.7))
+    ]
+    for seed in range(6):
+        arcs = find_arcs(*speckled(halves, coarse_view(), seed))
+        found += sorted(arc.convex for arc in arcs) == [False, True]
+    assert found >= 5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_straight_walls_are_no_arcs(seed: int) -> None:

@@ -10,7 +10,7 @@ from synthetic import WAVELENGTH, empty_view
 
 from mirrorfold.common.geometry import turned
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.search.arcs import fitted_circle
+from mirrorfold.detection.search.circles import fitted_circle
 from mirrorfold.detection.search.joined import beside, fitted_together
 
 VIEW = replace(empty_view(), wavelength=WAVELENGTH)

@@ -14,52 +14,39 @@ from itertools import combinations
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.spatial.distance import cdist
 
-from mirrorfold.common.arcs import circle_through
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import on_rows
+from mirrorfold.detection.search.circles import (
+    FEWEST,
+    LARGEST_CELLS,
+    NEAR,
+    NEAR_CELLS,
+    SMALLEST_CELLS,
+    arc_over,
+    fitted_circle,
+    proposed,
+)
 from mirrorfold.detection.search.fit import (
     FEWEST_BLOCKS,
     block_covariance,
     kink_residual,
     power_centroids,
-    robust_weights,
-    weighted_fit,
 )
 from mirrorfold.detection.search.growing import CLIP, drawn
-from mirrorfold.detection.search.joined import fitted_together
+from mirrorfold.detection.search.joined import fitted_together, s_shaped
 from mirrorfold.detection.search.lines import LOBE
 from mirrorfold.detection.search.rows import heaviest_row, longest_run, without_gaps
 from mirrorfold.detection.views.image_view import ImageView
-
-PROPOSALS = 600
-"""Number of circles that are proposed for each arc."""
-
-NEAR_CELLS, REACH_CELLS = 2.0, 24.0
-"""Least and largest distance, in resolution cells, between echoes that propose a circle: closer ones say nothing of its
-curvature."""
-
-PROPOSED_BULGE_CELLS = 0.25
-"""Least bulge, in resolution cells, of the three echoes that propose a circle: in an S-shaped row, most of the circles
-that pass near many echoes are nearly straight."""
-
-SMALLEST_CELLS, LARGEST_CELLS = 1.2, 400.0
-"""Least and largest radius, in resolution cells: a smaller circle is a point, and a larger one is straight over any row
-that fits into a room."""
 
 SHORTEST_CELLS = 4.5
 """Least length of an arc, in resolution cells: the radar sees some five cells of a pillar whose radius is two cells."""
 
 SMALLEST_FILL = 0.7
 """Least share of its length that an arc's echoes must fill, between those of long and of short straight mirrors."""
-
-NEAR = 0.35
-"""Largest distance of echoes from their row, as a share of the resolution cell across it. It is smaller than for lines,
-because the two halves of an S leave each other's circles gradually."""
 
 BULGE_CELLS = 0.3
 """Least bulge of an arc, in resolution cells: the largest of a straight mirror."""
@@ -78,8 +65,8 @@ CLOSE_CELLS, SMOOTH_CELLS, EXTENDED_CELLS = 0.12, 2.0, 3.0
 DARK = 0.1
 """An arc ends where the local mean of its amplitude falls below this share of its median."""
 
-FEWEST, PASSES = 6, 3
-"""Least number of echoes of an arc; and largest number of searches, each among the echoes that lie on no arc yet."""
+PASSES = 3
+"""Largest number of searches, each among the echoes that lie on no arc yet."""
 
 REFINEMENTS, SETTLED_CELLS = 10, 0.1
 """Largest number of fits of an arc, each to the part of its row that lies close to the fit before. They stop when both
@@ -103,24 +90,6 @@ def find_arcs(view: ImageView, echoes: Echoes) -> list[ArcMirror]:
     Strong echoes are evidence of an arc; faint ones continue it.
     """
     return _Arcs(echoes.take(echoes.visible), view).find()
-
-
-def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
-    """The circle that fits points (n, 2) best, by weighted least squares from a first circle on.
-
-    Cauchy weights keep outliers from moving it (see `fit.robust_weights`). Returns its center, its radius and these
-    weights (n,).
-    """
-    trust = weight
-    for _ in range(2 * ROUNDS):
-        offset = points - middle
-        away = np.linalg.norm(offset, axis=1)
-        beside = away - radius
-        _, trust = robust_weights(beside, weight, np.finfo(float).eps * radius)
-        design = np.column_stack([offset / away[:, None], np.ones(len(points))])
-        step = weighted_fit(design, beside, trust)
-        middle, radius = middle + step[:2], radius + float(step[2])
-    return middle, radius, trust
 
 
 def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
@@ -159,6 +128,12 @@ class _Arcs:
             if arc is None:
                 break
             arc, member = self._grown(arc, free)
+            halves = None if arc is None else self._halves(arc, free)
+            if halves is not None:
+                missed = 0
+                found.extend(halves)
+                free &= ~on_rows(halves, self.view, self.echoes)
+                continue
             fitted = None if arc is None else self._refined(arc, free)
             if fitted is None:
                 missed += 1
@@ -202,6 +177,52 @@ class _Arcs:
         )
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
+    def _halves(self, arc: ArcMirror, free: Mask) -> Sequence[ArcMirror] | None:
+        """The two halves of an S-shaped row of free echoes, of which an arc follows a part; None if there is none.
+
+        Where cells are coarse, neither half tells its curvature alone, but their common end and tangent do. One half
+        must be curved beyond doubt, and so must the change of curvature at the joint be.
+        """
+        points, chord = self.echoes.position, unit(arc.ends[1] - arc.ends[0])
+        # All of the S lies within a cell of the circle that passes near most of its echoes.
+        rows, width, before = [arc], 1.0, np.empty(0, dtype=np.intp)
+        for _ in range(2 * ROUNDS):
+            near = free & np.any([self._beside(row, width) for row in rows], axis=0)
+            member = np.flatnonzero(near)
+            if member.size < FEWEST:
+                return None
+            cell = np.asarray(self.view.cell(self.echoes.range[member]))
+            member = member[heaviest_row(points[member] @ chord, cell, self.weight[member])]
+            if member.size < FEWEST:
+                return None
+            halves = s_shaped(points[member], self.weight[member], self.view.radar)
+            if halves is None:
+                return None
+            rows, width = list(halves), NEAR
+            if np.array_equal(before, member):
+                break
+            before = member
+        together = self._joined(rows[0], rows[1])
+        if together is None:
+            return None
+        bend, error = np.transpose([(abs(arc.curvature), arc.curvature_error) for arc in together])
+        if not (bend >= SIGNIFICANT * error).any() or bend.sum() < SIGNIFICANT * np.linalg.norm(error):
+            return None
+        whole = []
+        for arc in together:
+            on_it = self.echoes.take(arc.own(self.view, self.echoes))
+            if not len(on_it):
+                return None
+            whole.append(replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude))))
+        return whole if min(arc.fill for arc in whole) >= SMALLEST_FILL else None
+
+    def _beside(self, arc: ArcMirror, width: float) -> Mask:
+        """Which echoes lie beside an arc, up to `width` cells across it and `EXTENDED_CELLS` past its ends, (n,)."""
+        points, beyond = self.echoes.position, EXTENDED_CELLS * self.view.cell_at(arc.center)
+        along = arc.along(points)
+        inside = (along >= -beyond) & (along <= arc.length + beyond)
+        return np.asarray(inside & (np.abs(arc.beside(points)) <= width * self._across(arc, points)))
+
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
         """The arc, fitted to the centroids of power with its ends kept; None if it becomes implausible."""
         ends = arc.ends
@@ -216,40 +237,11 @@ class _Arcs:
                 return None
         return self._with_errors(arc, points, trust)
 
-    def _arc(self, middle: Array, radius: float, points: Array) -> ArcMirror:
-        """The part of a circle over which points (n, 2) lie, which are all on one side of it."""
-        towards = np.mean((points - middle) / np.linalg.norm(points - middle, axis=1)[:, None], axis=0)
-        first = float(np.arctan2(towards[1], towards[0])) - np.pi
-        whole = ArcMirror(middle, radius, first, 2.0 * np.pi, self.view.radar)
-        along = whole.along(points)
-        return whole.part(float(along.min()), float(along.max()))
-
     def _proposed(self, free: Index) -> ArcMirror | None:
-        """The proposed circle with the most votes of `free` echoes nearby, by their weight; None if there is none.
-
-        It is returned as the arc over which these echoes lie.
-        """
+        """The most bent row of `free` echoes, as an arc; None if there is none."""
         judge = drawn(free)
-        points, weight = self.echoes.position[judge], self.weight[judge]
-        cell = float(np.median(self.view.cell(self.echoes.range[judge])))
-        seeds = self.random.choice(judge.size, PROPOSALS, p=weight / weight.sum())
-        distance = cdist(points[seeds], points)
-        near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
-        a, b = (np.argmax(near * self.random.random(near.shape), axis=1) for _ in range(2))
-        middle, radius = circle_through(points[seeds], points[a], points[b])
-        each, apart = np.arange(seeds.size), np.linalg.norm(points[a] - points[b], axis=1)
-        valid = near[each, a] & near[each, b] & (apart > NEAR_CELLS * cell) & np.isfinite(radius)
-        valid &= (radius > SMALLEST_CELLS * cell) & (radius < LARGEST_CELLS * cell)
-        chord = np.maximum(apart, np.maximum(distance[each, a], distance[each, b]))
-        # An arc with the chord c bulges by ``c^2 / (8 R)``; one whose chord is longer than R by at least ``c / 8``.
-        valid &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
-        if not valid.any():
-            return None
-        middle, radius, seeds = middle[valid], radius[valid], seeds[valid]
-        beside = cdist(middle, points) - radius[:, None]
-        on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[valid] < 2.0 * REACH_CELLS * cell)
-        best = int(np.argmax(on_it @ weight))
-        return self._arc(middle[best], float(radius[best]), points[on_it[best]])
+        cell = np.asarray(self.view.cell(self.echoes.range[judge]))
+        return proposed(self.echoes.position[judge], self.weight[judge], cell, self.view.radar, self.random)
 
     def _grown(self, arc: ArcMirror, free: Mask) -> tuple[ArcMirror | None, Index]:
         """Grow a proposed arc to the unbroken row of echoes near it that has the most weight.
@@ -262,7 +254,7 @@ class _Arcs:
             near = np.flatnonzero(free & (np.abs(arc.beside(points)) <= NEAR * self._across(arc, points)))
             if near.size < FEWEST:
                 return None, near if near.size else member
-            around = self._arc(arc.middle, arc.radius, points[near])
+            around = arc_over(arc.middle, arc.radius, points[near], self.view.radar)
             member = near[self._row(around, points[near], self.weight[near])]
             if member.size < FEWEST:
                 return None, near
@@ -270,7 +262,7 @@ class _Arcs:
             middle, radius, _ = fitted_circle(points[member], self.weight[member] / across**2, arc.middle, arc.radius)
             if not 0.0 < radius < LARGEST_CELLS * np.median(self.view.cell(self.echoes.range[member])):
                 return None, member
-            arc = self._arc(middle, radius, points[member])
+            arc = arc_over(middle, radius, points[member], self.view.radar)
         return (arc if self._plausible(arc) else None), member
 
     def _across(self, arc: ArcMirror, points: Array) -> Array:

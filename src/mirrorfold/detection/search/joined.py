@@ -18,7 +18,8 @@ from scipy.optimize import least_squares
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.search.fit import block_covariance, robust_weights
+from mirrorfold.detection.search.circles import arc_over
+from mirrorfold.detection.search.fit import block_covariance, flat, robust_weights, weighted_fit
 from mirrorfold.detection.views.image_view import ImageView
 
 SIGNIFICANT = 4.0
@@ -27,6 +28,9 @@ have a sum of squared residuals larger by the share ``SIGNIFICANT^2 / N``, with 
 
 STEP = 1e-4
 """Step of numerical derivatives, as a share of the unit in which a parameter is counted (`scale`)."""
+
+JOINTS = 25
+"""Number of places at which the joint of an S is tried."""
 
 Halves = tuple[ArcMirror, ArcMirror]
 Measured = tuple[Array, Array]
@@ -62,6 +66,38 @@ def fitted_together(halves: Halves, measured: tuple[Measured, Measured], view: I
     variance = block_covariance(design, off, trust, place[:, None], independent)
     one, other = (_half(curve, i, halves[i], halves[i].ends[1 - meet[i]], variance, scale) for i in (0, 1))
     return one, other
+
+
+def s_shaped(points: Array, weight: Array, radar: Array) -> Halves | None:
+    """Two arcs that bend to opposite sides, with a common end and tangent, through a row of points (n, 2) [m].
+
+    Along its chord, the row is fitted by two parabolas whose joint is tried at several places. None if they bend to the
+    same side.
+    """
+    normal, center = flat(points, weight)
+    chord = -turned(normal)
+    along, beside = (points - center) @ chord, (points - center) @ normal
+    least, best = np.inf, None
+    for joint in along.min() + np.linspace(0.2, 0.8, JOINTS) * np.ptp(along):
+        design = np.column_stack(
+            [np.ones_like(along), along - joint, 0.5 * (along - joint) ** 2, 0.5 * np.maximum(along - joint, 0.0) ** 2]
+        )
+        curve = weighted_fit(design, beside, weight)
+        residual = float(weight @ (beside - design @ curve) ** 2)
+        if residual < least:
+            least, best = residual, (joint, *curve.tolist())
+    if best is None or best[3] * (best[3] + best[4]) >= 0.0:
+        return None
+    joint, height, slope, before, change = best
+    place, way = center + joint * chord + height * normal, unit(chord + slope * normal)
+    ends = points[[np.argmin(along), np.argmax(along)]]
+    halves = []
+    for end, bend in zip(ends, (before, before + change), strict=True):
+        # The curvature of a parabola is ``y'' / (1 + y'^2)^(3/2)``.
+        curvature = bend / (1.0 + slope**2) ** 1.5
+        middle = place + turned(way) / curvature
+        halves.append(arc_over(middle, abs(1.0 / curvature), np.stack([end, place]), radar))
+    return halves[0], halves[1]
 
 
 def _half(curve: Array, which: int, arc: ArcMirror, end: Array, variance: Array, scale: Array) -> ArcMirror:

@@ -21,7 +21,8 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
-from mirrorfold.detection.search.arcs import BULGE_CELLS, LARGEST_CELLS, REACH_CELLS, SIGNIFICANT, SMALLEST_CELLS
+from mirrorfold.detection.search.arcs import BULGE_CELLS, SIGNIFICANT
+from mirrorfold.detection.search.circles import LARGEST_CELLS, REACH_CELLS, SMALLEST_CELLS
 from mirrorfold.detection.search.fit import robust_weights, weighted_fit
 from mirrorfold.detection.search.growing import CLIP, NEAR, drawn
 from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet

@@ -1,0 +1,109 @@
+"""Circles of the search for arcs: proposed by three echoes, chosen by the rows on them, and fitted to points."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from mirrorfold.common.arcs import circle_through
+from mirrorfold.common.types import Array
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.search.fit import flat, robust_weights, weighted_fit
+from mirrorfold.detection.search.rows import heaviest_row
+
+PROPOSALS = 600
+"""Number of circles that are proposed for each arc."""
+
+NEAR_CELLS, REACH_CELLS = 2.0, 24.0
+"""Least and largest distance, in resolution cells, between echoes that propose a circle: closer ones say nothing of its
+curvature."""
+
+PROPOSED_BULGE_CELLS = 0.25
+"""Least bulge, in resolution cells, of the three echoes that propose a circle: in an S-shaped row, most of the circles
+that pass near many echoes are nearly straight."""
+
+SMALLEST_CELLS, LARGEST_CELLS = 1.2, 400.0
+"""Least and largest radius, in resolution cells: a smaller circle is a point, and a larger one is straight over any row
+that fits into a room."""
+
+NEAR = 0.35
+"""Largest distance of echoes from their row, as a share of the resolution cell across it. It is smaller than for lines,
+because the two halves of an S leave each other's circles gradually."""
+
+FEWEST = 6
+"""Least number of echoes of an arc."""
+
+FITS = 8
+"""Number of times that a circle is fitted with the weights that follow from the fit before."""
+
+
+def arc_over(middle: Array, radius: float, points: Array, radar: Array) -> ArcMirror:
+    """The part of a circle over which points (n, 2) [m] lie, which are all on one side of it."""
+    towards = np.mean((points - middle) / np.linalg.norm(points - middle, axis=1)[:, None], axis=0)
+    first = float(np.arctan2(towards[1], towards[0])) - np.pi
+    whole = ArcMirror(middle, radius, first, 2.0 * np.pi, radar)
+    along = whole.along(points)
+    return whole.part(float(along.min()), float(along.max()))
+
+
+def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
+    """The circle that fits points (n, 2) best, by weighted least squares from a first circle on.
+
+    Cauchy weights keep outliers from moving it (see `fit.robust_weights`). Returns its center, its radius and these
+    weights (n,).
+    """
+    trust = weight
+    for _ in range(FITS):
+        offset = points - middle
+        away = np.linalg.norm(offset, axis=1)
+        beside = away - radius
+        _, trust = robust_weights(beside, weight, np.finfo(float).eps * radius)
+        design = np.column_stack([offset / away[:, None], np.ones(len(points))])
+        step = weighted_fit(design, beside, trust)
+        middle, radius = middle + step[:2], radius + float(step[2])
+    return middle, radius, trust
+
+
+def proposed(points: Array, weight: Array, cells: Array, radar: Array, random: np.random.Generator) -> ArcMirror | None:
+    """The most bent row among echoes at points (n, 2) [m], as an arc; None if there is none.
+
+    Three echoes propose a circle. It is worth what it gains for its heaviest unbroken row of echoes over the straight
+    line through them: the `weight` (n,) of each, times the difference of both squared distances in units of the largest
+    one that counts (as in MSAC: Torr and Zisserman, Comput. Vis. Image Underst. 78, 2000). So long straight walls do
+    not stand before small pillars, nor circles through two objects before either of them. `cells` (n,) [m] are the
+    resolution cells of the echoes.
+    """
+    cell = float(np.median(cells))
+    seeds = random.choice(len(points), PROPOSALS, p=weight / weight.sum())
+    distance = cdist(points[seeds], points)
+    near = (distance > NEAR_CELLS * cell) & (distance < REACH_CELLS * cell)
+    a, b = (np.argmax(near * random.random(near.shape), axis=1) for _ in range(2))
+    middle, radius = circle_through(points[seeds], points[a], points[b])
+    each, apart = np.arange(seeds.size), np.linalg.norm(points[a] - points[b], axis=1)
+    valid = near[each, a] & near[each, b] & (apart > NEAR_CELLS * cell) & np.isfinite(radius)
+    valid &= (radius > SMALLEST_CELLS * cell) & (radius < LARGEST_CELLS * cell)
+    chord = np.maximum(apart, np.maximum(distance[each, a], distance[each, b]))
+    # An arc with the chord c bulges by ``c^2 / (8 R)``; one whose chord is longer than R by at least ``c / 8``.
+    valid &= chord**2 > 8.0 * np.minimum(radius, chord) * PROPOSED_BULGE_CELLS * cell
+    if not valid.any():
+        return None
+    middle, radius, seeds = middle[valid], radius[valid], seeds[valid]
+    beside = cdist(middle, points) - radius[:, None]
+    on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[valid] < 2.0 * REACH_CELLS * cell)
+    votes, reach = on_it @ weight, 0.5 * NEAR * cell
+    best, most = None, 0.0
+    # A circle gains at most the votes of all echoes on it: those with fewer than the best gain are not looked at.
+    for i in np.argsort(-votes):
+        if votes[i] <= most:
+            break
+        voters = np.flatnonzero(on_it[i])
+        along = arc_over(middle[i], float(radius[i]), points[voters], radar).along(points[voters])
+        row = voters[heaviest_row(along, cells[voters], weight[voters])]
+        if row.size < FEWEST:
+            continue
+        normal, center = flat(points[row], weight[row])
+        off = np.minimum(np.abs((points[row] - center) @ normal) / reach, 1.0)
+        gain = float(weight[row] @ (off**2 - (beside[i, row] / reach) ** 2))
+        if gain > most:
+            best, most = arc_over(middle[i], float(radius[i]), points[row], radar), gain
+    return best
