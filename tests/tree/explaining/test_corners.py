@@ -87,8 +87,11 @@ def test_the_legs_of_a_corner_that_a_wall_shows_are_told_from_their_images():
         band={"start": 290e9, "stop": 300e9, "points": 201},
         surface=surfaces,
     )
-    sweep = mf.simulate(scene, seed=511)
-    found = mf.reconstruct(sweep)
-    hidden = mf.score(found, scene).hidden
-    assert hidden.precision_cells > 0.9
-    assert hidden.completeness_cells > 0.9
+    precision = []
+    for seed in range(511, 514):
+        sweep = mf.simulate(scene, seed=seed)
+        found = mf.reconstruct(sweep)
+        hidden = mf.score(found, scene).hidden
+        assert hidden.completeness_cells > 0.9
+        precision.append(hidden.precision_cells)
+    assert np.mean(precision) > 0.9

@@ -69,9 +69,9 @@ def proposed(points: Array, weight: Array, cells: Array, radar: Array, random: n
 
     Three echoes propose a circle. It is worth what it gains for its heaviest unbroken row of echoes over the straight
     line through them: the `weight` (n,) of each, times the difference of both squared distances in units of the largest
-    one that counts (as in MSAC: Torr and Zisserman, Comput. Vis. Image Underst. 78, 2000). So long straight walls do
-    not stand before small pillars, nor circles through two objects before either of them. `cells` (n,) [m] are the
-    resolution cells of the echoes.
+    one that counts (as in MSAC: Torr and Zisserman, Comput. Vis. Image Underst. 78, 2000). So a small pillar is worth
+    more than a long straight wall, and than a circle through two objects. `cells` (n,) [m] are the resolution cells of
+    the echoes.
     """
     cell = float(np.median(cells))
     seeds = random.choice(len(points), PROPOSALS, p=weight / weight.sum())
