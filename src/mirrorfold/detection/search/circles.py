@@ -6,10 +6,11 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from mirrorfold.common.arcs import circle_through
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.search.fit import flat, robust_weights, weighted_fit
-from mirrorfold.detection.search.rows import heaviest_row
+from mirrorfold.detection.search.fit import robust_weights, weighted_fit
+from mirrorfold.detection.search.rows import GAP_CELLS
 
 PROPOSALS = 600
 """Number of circles that are proposed for each arc."""
@@ -90,20 +91,51 @@ def proposed(points: Array, weight: Array, cells: Array, radar: Array, random: n
     middle, radius, seeds = middle[valid], radius[valid], seeds[valid]
     beside = cdist(middle, points) - radius[:, None]
     on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[valid] < 2.0 * REACH_CELLS * cell)
-    votes, reach = on_it @ weight, 0.5 * NEAR * cell
-    best, most = None, 0.0
-    # A circle gains at most the votes of all echoes on it: those with fewer than the best gain are not looked at.
-    for i in np.argsort(-votes):
+    reach = 0.5 * NEAR * cell
+    votes = np.where(on_it, 1.0 - (beside / reach) ** 2, 0.0) @ weight
+    best, row = _most_bent(
+        middle, radius, beside / reach, on_it, np.argsort(-votes), votes, points, weight, cells, reach
+    )
+    return arc_over(middle[best], float(radius[best]), points[row], radar) if row.size else None
+
+
+@njit(makes_arrays=True, nogil=True, error_model="numpy")
+def _most_bent(middle, radius, beside, on_it, order, votes, points, weight, cells, reach):  # type: ignore[no-untyped-def]
+    """Which of the circles gains most for its heaviest row over a straight line, and the echoes of that row, (k,).
+
+    `beside` (circles, n) are the distances of the echoes from the circles, in units of `reach` [m], and `on_it` whether
+    they count; `order` are the circles by falling `votes`, which no gain exceeds. The row is empty where none gains.
+    """
+    best, most, best_row = 0, 0.0, np.empty(0, dtype=np.int64)
+    for i in order:
         if votes[i] <= most:
             break
         voters = np.flatnonzero(on_it[i])
-        along = arc_over(middle[i], float(radius[i]), points[voters], radar).along(points[voters])
-        row = voters[heaviest_row(along, cells[voters], weight[voters])]
+        offset = points[voters] - middle[i]
+        away = np.sqrt(offset[:, 0] ** 2 + offset[:, 1] ** 2)
+        towards = np.arctan2((offset[:, 1] / away).mean(), (offset[:, 0] / away).mean())
+        angle = np.arctan2(offset[:, 1], offset[:, 0]) - towards
+        along = radius[i] * ((angle + np.pi) % (2.0 * np.pi) - np.pi)
+        voters, along = voters[np.argsort(along)], np.sort(along)
+        start, first, last, heaviest, total = 0, 0, 0, 0.0, 0.0
+        for k in range(voters.size):
+            if k and along[k] - along[k - 1] > GAP_CELLS * max(cells[voters[k - 1]], cells[voters[k]]):
+                start, total = k, 0.0
+            total += weight[voters[k]]
+            if total > heaviest:
+                first, last, heaviest = start, k + 1, total
+        row = voters[first:last]
         if row.size < FEWEST:
             continue
-        normal, center = flat(points[row], weight[row])
-        off = np.minimum(np.abs((points[row] - center) @ normal) / reach, 1.0)
-        gain = float(weight[row] @ (off**2 - (beside[i, row] / reach) ** 2))
+        share = weight[row] / heaviest
+        x, y = points[row, 0], points[row, 1]
+        x, y = x - (share * x).sum(), y - (share * y).sum()
+        # The angle of the line through the row, by weighted total least squares.
+        chord = 0.5 * np.arctan2(2.0 * (share * x * y).sum(), (share * (x * x - y * y)).sum())
+        gain = 0.0
+        for k in range(row.size):
+            off = min(abs(y[k] * np.cos(chord) - x[k] * np.sin(chord)) / reach, 1.0)
+            gain += weight[row[k]] * (off**2 - beside[i, row[k]] ** 2)
         if gain > most:
-            best, most = arc_over(middle[i], float(radius[i]), points[row], radar), gain
-    return best
+            best, most, best_row = i, gain, row
+    return best, best_row
