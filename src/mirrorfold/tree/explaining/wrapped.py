@@ -80,11 +80,16 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
 
 
 def _later(range_: float, waves: Waves) -> list[float]:
-    """Those of the distances r + P, r + 2 P, ... [m] whose waves differ from those from r [m] and from nearer ones."""
+    """Those of the distances r + P, r + 2 P, ... [m] whose waves differ from those from r [m] and from nearer ones.
+
+    None if those from r + P do not differ from those from r.
+    """
     distances, nearer = list[float](), range_
     for periods in range(1, MOST_PERIODS + 1):
         distance = range_ + periods * waves.period
         if waves.reach**2 * (1.0 / nearer - 1.0 / distance) > DEPTH_OF_FOCUS * waves.wavelength:
             distances.append(distance)
             nearer = distance
+        elif not distances:
+            break
     return distances
