@@ -308,7 +308,8 @@ def trace_points(
             if 0 <= fan + step < fans.size:
                 end = fans[fan + step]
             for candidate in range(count[fan, p]):
-                angle[:] = start[fan, p, candidate]
+                for k in range(angle.size):
+                    angle[k] = start[fan, p, candidate, k]
                 for n in range(begin, end, step):
                     if not stationary(antennas[n, 0], antennas[n, 1], target[p, 0], target[p, 1], arcs, angle, work):
                         break
