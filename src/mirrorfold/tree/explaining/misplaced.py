@@ -29,7 +29,7 @@ grating lobes have the ratio of the lobe, which is a half if every third antenna
 LARGEST_WRAPPING_RATIO = 1.08
 """Largest `wrapping_ratio` of a true echo. True echoes fit waves from their own range at least as well as waves from
 one ambiguous range farther away; echoes from there fit the latter several times better, if no other wave arrives with
-them. Of 2900 true points behind mirrors, in 27 full-wave scenes and 12 of rays, none had more than 1.08 where the waves
+them. Of 3400 true points, in 27 full-wave scenes and 12 of rays, none had more than 1.08 where the waves
 differ; ten late echoes among several waves had 1.09 to 1.15."""
 
 LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"

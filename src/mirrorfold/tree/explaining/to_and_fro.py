@@ -72,9 +72,9 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
     marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
 
     faces = {chain: _face(echoes, view) for chain, echoes in objects.items()}
-    stands = np.concatenate([folds[chain](place) for chain, (place, _) in faces.items()])
-    level = np.concatenate([level for _, level in faces.values()])
-    true = {chain: folds[chain](echoes.position) for chain, echoes in objects.items()}
+    placed = {chain: folds[chain](place) for chain, (place, _) in faces.items()}
+    stands, level = np.concatenate(list(placed.values())), np.concatenate([level for _, level in faces.values()])
+    true = {chain: placed[chain][: len(echoes)] for chain, echoes in objects.items()}
     others = _others(true, objects, view)
     flat = {chain: way for chain, way in by_chain.items() if not any(mirror.curved for mirror in way)}
     walls = [true_ends(way) for way in flat.values() if way]
@@ -178,7 +178,7 @@ def _behind(
 def _face(echoes: Echoes, view: ImageView) -> tuple[Array, Array]:
     """Places of the image on the faces of objects (n, 2) [m], and the brightest amplitude of the object there, (n,).
 
-    These are the places of the echoes, and places at most half a cell apart between neighbours on one face.
+    These are the places of the echoes first, then places at most half a cell apart between neighbours on one face.
     """
     level, cells = _brightest(echoes, view), view.in_cells(echoes.position)
     near = cKDTree(cells).query_pairs(GAP_CELLS, output_type="ndarray")
