@@ -45,7 +45,7 @@ def nobody(*given: Any) -> Mask:
     return np.zeros(len(next(one for one in given if isinstance(one, Echoes))), dtype=bool)
 
 
-def nobody_at_all(found: Found, view: View) -> dict[Chain, Mask]:
+def nobody_at_all(found: Found, view: View, *given: Any) -> dict[Chain, Mask]:
     """For each chain of mirrors, a mask that is false for all of its objects."""
     return {node.chain: nobody(node.objects) for node in found.tree.walk()}
 
@@ -93,6 +93,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "what would stand behind walls": ({explained_by_tree: {"behind_walls": nobody}}, {}),
     "what would stand behind objects": ({explained_by_tree: {"behind_objects": nobody_at_all}}, {}),
     "what goes to and fro": ({explained_by_tree: {"to_and_fro": nobody_at_all}}, {}),
+    "what flat objects reflect on": ({explained_by_tree: {"reflected_on": nobody_at_all}}, {}),
     "short cuts": ({rounds: {"short_cuts": nobody}}, {}),
     "curved mirrors": ({}, {"curved": False}),
     "half-transparent walls": ({}, {"transparent": False}),
