@@ -237,8 +237,7 @@ class Profiles:
     def volume(self, *, amplitude: bool = False, progress: Progress | None = None) -> xr.DataArray:
         """The volume (range, azimuth, elevation), or only its amplitude, with coordinates and attributes."""
         values = np.moveaxis(self.beams(range(self.shape[0]), amplitude=amplitude, progress=progress), -1, 0)
-        dims = VOLUME
-        return xr.DataArray(values, dims=dims, coords=self.coords, attrs=self.attrs, name="image")
+        return xr.DataArray(values, dims=VOLUME, coords=self.coords, attrs=self.attrs, name="image")
 
 
 def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalization: str, source: str) -> Array:
