@@ -126,14 +126,9 @@ class _Surface:
 
 
 def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
-    """Which echoes are as far behind a place of a rough wall as this place is from another wall, (n,).
+    """Which echoes are as far behind a place of a rough wall as this place is from another `wall`, (n,).
 
-    Parameters
-    ----------
-    wall : (2, 2) array [m]
-        Ends of the other wall.
-    rough : _Surface
-    echoes : Echoes
+    That wall is given by its ends, (2, 2) [m].
     """
     distance, beyond = square_distances(rough.places, wall)
     at, off = rough.of(echoes), EXPECTED_CELLS * rough.view.range_cell
