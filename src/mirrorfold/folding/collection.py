@@ -27,7 +27,7 @@ FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
 """Columns with the standard errors of a mirror at its true place, which include those of the mirrors on its way."""
 
 MIRROR_UNITS = {"angle_error": "degree", FOLDED_ERRORS[0]: "degree", "curvature": "1/m", "curvature_error": "1/m"}
-MIRROR_UNITS |= dict.fromkeys(("strength", "fill", "permittivity", "permittivity_error"), "1")
+MIRROR_UNITS |= dict.fromkeys(("confidence", "strength", "fill", "permittivity", "permittivity_error"), "1")
 """Units of the columns of mirrors that are neither lengths nor unit vectors."""
 
 
