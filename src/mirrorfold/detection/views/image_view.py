@@ -26,6 +26,10 @@ from mirrorfold.detection.views.view import View
 SAMPLES_PER_CELL = 3
 """Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
 
+SPLINE_MARGIN = 16
+"""Pixels around the places of an interpolation from which cubic splines are computed. The influence of a pixel falls by
+``2 - sqrt(3)`` from one to the next, to 1e-9 over the margin."""
+
 COVERED_CELLS = 0.75
 """Half-width of the shadow of an object, in resolution cells: there the beam has fallen by 14 dB. With a whole cell, up
 to the nulls of the beam, two small objects side by side would each hide half of what the radar shows of both."""
@@ -52,10 +56,6 @@ LOWEST_LOBE = 1e-5
 
 LOBE_CELLS = 1.5
 """Distance from an echo, in resolution cells, at which its side lobes begin."""
-
-SPLINE_MARGIN = 16
-"""Pixels around the places of an interpolation from which cubic splines are computed. The influence of a pixel falls by
-``2 - sqrt(3)`` from one to the next, to 1e-9 over the margin."""
 
 LARGEST_SINE = 0.985
 """Largest sine of the angle off broadside (80 degrees): the array does not resolve directions closer to its own
