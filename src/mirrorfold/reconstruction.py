@@ -26,7 +26,7 @@ from mirrorfold.common.arguments import one_of, wrong_kind
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
-from mirrorfold.common.types import Mask, Progress
+from mirrorfold.common.types import Array, Mask, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import STEEPEST, depression, find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors
@@ -254,10 +254,7 @@ class FoldPlan:
             If the image or a setting cannot be used.
         """
         chosen = PRESETS[one_of("preset", preset, PRESETS)].with_given(**given)
-        if isinstance(mirrors, str | Path):
-            mirrors = read_plan(mirrors) if is_plan(mirrors) else read_mirrors(mirrors)
-        if mirrors is not None and not isinstance(mirrors, FloorPlan):
-            mirrors = check_mirrors(mirrors)
+        by_hand = _read(mirrors)
         report = progress or (lambda done, total: None)
         view = self._view(normalization=chosen.normalization)
         echoes = self._echoes(chosen.normalization, chosen.threshold_db, chosen.published)
@@ -265,24 +262,17 @@ class FoldPlan:
         if self._sweep is None:  # copies are found by the tail of the pulse, which only the sweep tells
             settings = replace(settings, copies=False)
         report(1, 3)
-        by_hand, walls = mirrors is not None, None
-        given_count = None if mirrors is None else mirrors.count if isinstance(mirrors, FloorPlan) else len(mirrors)
-        if isinstance(mirrors, FloorPlan):
-            mirrors = mirrors_of_plan(mirrors, view, generations=chosen.generations)
+        known, count = _known(by_hand, view, chosen)
         angle = depression(view, echoes)
-        from_above = angle > STEEPEST and not settings.published
-        if not by_hand and (settings.generations == 0 or from_above):
-            mirrors = check_mirrors([])  # no mirror is used, and no echo is taken for a ghost
-        if mirrors is not None and settings.opaque and not from_above:
+        from_above = angle if angle > STEEPEST and not settings.published else None
+        if known is None and (settings.generations == 0 or from_above is not None):
+            known = check_mirrors([])  # no mirror is used, and no echo is taken for a ghost
+        walls = None
+        if known is not None and settings.opaque and from_above is None:
             echoes, walls = self._wall_echoes(chosen, settings)
-        measure = self._measure if not settings.published else no_measurements
-        measured, untested = Measured(), ""
-        if isinstance(view, ImageView) and abs(view.height) <= view.range_cell:
-            measured = measure(view).noted()
-        elif isinstance(view, ImageView) and self._sweep is not None and not settings.published:
-            untested = f"the image lies {abs(view.height):.3g} m off the plane of the antennas: echoes are not tested"
+        measured, untested = self._measured(view, settings)
         found = find_every_kind(
-            *(view, echoes, settings), measured=measured, known=mirrors, walls=walls, polarizations=self._polarizations,
+            *(view, echoes, settings), measured=measured, known=known, walls=walls, polarizations=self._polarizations,
             short=chosen.minimum_length is None,
         )  # fmt: skip
         report(2, 3)
@@ -291,13 +281,38 @@ class FoldPlan:
             points = with_confidence(points, found, measured.confocal_share)
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
-        result = collect(
-            self.image, found, points, settings, grid=grid, given=given_count, from_above=angle if from_above else None
-        )
+        result = collect(self.image, found, points, settings, grid=grid, given=count, from_above=from_above)
         result.attrs["remark"] = "; ".join(filter(None, (result.attrs["remark"], untested)))
-        result.attrs |= {"preset": preset, "mirrors_given": by_hand, **measured.corner_attrs()}
+        result.attrs |= {"preset": preset, "mirrors_given": by_hand is not None, **measured.corner_attrs()}
         report(3, 3)
         return result
+
+    def _measured(self, view: View, settings: FoldSettings) -> tuple[Measured, str]:
+        """What the sweep tells of the echoes of a view; and why it was not asked, "" if it was or is not at hand."""
+        if settings.published or not isinstance(view, ImageView):
+            return Measured(), ""
+        if abs(view.height) <= view.range_cell:
+            return self._measure(view).noted(), ""
+        off = f"the image lies {abs(view.height):.3g} m off the plane of the antennas: echoes are not tested"
+        return Measured(), "" if self._sweep is None else off
+
+
+Given = Array | FloorPlan | None
+"""Mirrors that the user gives, see `check_mirrors`, or the floor plan that they are in; None where there are none."""
+
+
+def _read(mirrors: ArrayLike | FloorPlan | str | Path | None) -> Given:
+    """Mirrors that are given as for `fold`, read if they are in a file, and checked."""
+    if isinstance(mirrors, str | Path):
+        mirrors = read_plan(mirrors) if is_plan(mirrors) else read_mirrors(mirrors)
+    return mirrors if mirrors is None or isinstance(mirrors, FloorPlan) else check_mirrors(mirrors)
+
+
+def _known(given: Given, view: View, chosen: FoldSettings) -> tuple[Array | None, int | None]:
+    """Given mirrors where the unfolded image shows them, and how many mirrors or walls of a plan were given."""
+    if isinstance(given, FloorPlan):
+        return mirrors_of_plan(given, view, generations=chosen.generations), given.count
+    return given, None if given is None else len(given)
 
 
 ViewOf = Callable[..., View]

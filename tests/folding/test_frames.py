@@ -64,9 +64,6 @@ def test_a_recording_has_frames_in_its_pictures_and_tables(folded):
     objects, mirrors = (folded.children[name].to_dataset(inherit=False) for name in ("objects", "mirrors"))
     assert set(np.unique(objects["frame"])) == {0, 1, 2}
     assert 2 not in mirrors["frame"]
-    # A mirror and the one that it is seen through belong to one frame.
-    parent = mirrors["parent"].values
-    assert (mirrors["frame"].values[parent[parent >= 0]] == mirrors["frame"].values[parent >= 0]).all()
     hidden = objects.isel(point=(objects["bounces"] > 0).values)
     for number in (0, 1):
         middle = hidden.isel(point=(hidden["frame"] == number).values)

@@ -12,8 +12,6 @@ from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.detection import volume_echoes
 from mirrorfold.folding import blocks, drawing, pictures
 from mirrorfold.reconstruction import FoldPlan
-from mirrorfold.tree import lines_of_sight
-from mirrorfold.tree.lines_of_sight import hidden_at, through_at
 
 WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
 THING = np.array([[-0.2, 1.9], [-0.06, 1.95]])
@@ -33,6 +31,7 @@ def as_plain_python(monkeypatch):
             (pictures, "draw_row"),
             (blocks, "_fill"),
             (blocks, "_passes"),
+            (blocks, "_raise"),
             (blocks, "_span"),
             (drawing, "_place"),
             (drawing, "_shown"),
@@ -93,32 +92,3 @@ def test_a_volume_is_drawn_the_same(as_plain_python):
     found = FoldPlan(volume()).fold(mirrors=[corners], grid=grid)
     same(found, expected)
     assert set(np.unique(found["objects"]["bounces"])) == {0, 1}
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("way", [through_at, plain(through_at)], ids=["compiled", "plain Python"])
-def test_a_point_is_seen_through_the_last_mirror_before_it(way):
-    random = np.random.default_rng(0)
-    crossing = np.sort(random.uniform(0.5, 3.0, (3, 8)), axis=0)
-    crossing[2, ::2] = np.inf
-    through = np.array([[-1] * 8, [0] * 8, [1] * 8, [2] * 8])
-    for direction in range(8):
-        for distance in random.uniform(0.0, 4.0, 20):
-            expected = np.count_nonzero(crossing[:, direction] < distance) - 1
-            assert way(crossing, through, distance, direction) == expected
-
-
-@pytest.mark.nojit
-@pytest.mark.parametrize("way", [hidden_at, plain(hidden_at)], ids=["compiled", "plain Python"])
-def test_the_brightest_object_whose_shadow_a_point_is_in_covers_it(way):
-    begin = np.array([[1.0, 2.0], [1.5, np.inf], [np.inf, np.inf]])
-    until = np.array([[np.inf, np.inf], [3.0, np.inf], [np.inf, np.inf]])
-    level = np.array([[0.2, 0.4], [0.3, 0.0], [0.0, 0.0]])
-    cases = {(0.9, 0): 0.0, (1.2, 0): 0.2, (2.9, 0): 0.3, (3.0, 0): 0.2, (1.9, 1): 0.0, (2.1, 1): 0.4}
-    for (distance, direction), expected in cases.items():
-        assert way(begin, until, level, distance, direction) == expected
-
-
-def test_these_are_the_loops_that_are_used():
-    assert drawing.through_at is lines_of_sight.through_at
-    assert drawing.hidden_at is lines_of_sight.hidden_at

@@ -107,6 +107,8 @@ def test_tables_of_a_result_tell_of_curved_mirrors_where_there_are_any(view):
         assert ("growth" in objects) == ("caustic" in objects) == ("curvature" in mirrors) == curved
         assert mirrors["chain"].values.tolist() == ["0", "0/0"]
         assert mirrors["parent"].values.tolist() == [-1, 0]
+        units = {"x0": "m", "offset_error": "m", "angle_error": "degree", "fill": "1", "confidence": "1"}
+        assert {name: mirrors[name].attrs["units"] for name in units} == units
         if curved:
             assert_allclose(objects["growth"], points.growth, rtol=1e-6)
             assert_allclose(mirrors["curvature"], [1.0 / 0.3, 0.0])

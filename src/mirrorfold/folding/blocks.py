@@ -96,12 +96,12 @@ def blocks(
         start, heading = np.zeros(3), np.zeros((len(view.sight), 3))
         start[: view.dimensions] = into(view.radar)
         heading[:, : view.dimensions] = view.sight @ into.linear.T
-        drawn = np.zeros(bound.shape[1:], dtype=np.bool_)
+        drawn = np.zeros(bound.shape[1:], dtype=np.float32)
         _fill(
             bound[place], drawn, (start - first) * scale, heading * scale, scale, across, view.range, samples_at_once,
             amplitude, largest_gain, number, *through, blobs,
         )  # fmt: skip
-        bound[place][~drawn] = 0.0
+        bound[place][drawn == 0.0] = 0.0
 
     for_each(fill, enumerate(maps))
     bound = np.ascontiguousarray(np.transpose(bound, (2, 0, 1, 3)))
@@ -138,12 +138,27 @@ def _passes(crossing, through, low, high, direction, mirror):  # type: ignore[no
     return False
 
 
+@njit(nogil=True, error_model="numpy", inline="always")
+def _raise(blocks, x, y, z, reach, scale, value):  # type: ignore[no-untyped-def]
+    """Raise `blocks` (x, y, z) to a value, up to `reach` [m] around a place x, y, z [blocks] along all axes.
+
+    `scale` (3,) is in blocks per metre.
+    """
+    x0, x1 = _span(x, reach * scale[0], blocks.shape[0])
+    y0, y1 = _span(y, reach * scale[1], blocks.shape[1])
+    z0, z1 = _span(z, reach * scale[2], blocks.shape[2])
+    for i in range(x0, x1 + 1):
+        for j in range(y0, y1 + 1):
+            for q in range(z0, z1 + 1):
+                blocks[i, j, q] = max(blocks[i, j, q], value)
+
+
 @njit(nogil=True, error_model="numpy")
 def _fill(  # type: ignore[no-untyped-def]
     bound, drawn, start, heading, scale, across, range_, samples_at_once, amplitude, gain, number, crossing, through,
     margin, blobs,
 ):  # fmt: skip
-    """Raise the `bound` (x, y, z) of blocks by the samples that one map shows there, and mark those it draws (`drawn`).
+    """Raise the `bound` (x, y, z) of blocks by the samples that one map shows there; 1 in `drawn` marks what it draws.
 
     `start` (3,) is in blocks, `heading` (beams, 3) and `scale` (3,) in blocks per metre, and ranges are in metres. The
     amplitude of a pixel is interpolated between samples, so a sample raises bounds as far as its neighbours. A pixel
@@ -159,22 +174,10 @@ def _fill(  # type: ignore[no-untyped-def]
                 value = max(value, amplitude[beam, k] * gain[k])
                 owner = blobs[beam, k]
                 own |= owner == number or (number == ROOT and owner != UNSEEN)
+            # A little more than half a sample beyond the outermost ones, for rounding.
             r, half_depth = 0.5 * (range_[first] + range_[last]), 0.5 * (last - first) * dr + 0.51 * dr
-            if own:
-                own = _passes(crossing, through, r - margin - half_depth, r - margin + half_depth, beam, number)
             half = HALF_SAMPLE * (abs(r) + half_depth) * across[beam] + half_depth
             x, y, z = start[0] + r * heading[beam, 0], start[1] + r * heading[beam, 1], start[2] + r * heading[beam, 2]
-            for wide in range(2):  # first the blocks that it may draw, then their bounds
-                if wide == 0 and not own:
-                    continue
-                reach = half * (1.0 + wide)
-                x0, x1 = _span(x, reach * scale[0], bound.shape[0])
-                y0, y1 = _span(y, reach * scale[1], bound.shape[1])
-                z0, z1 = _span(z, reach * scale[2], bound.shape[2])
-                for i in range(x0, x1 + 1):
-                    for j in range(y0, y1 + 1):
-                        for q in range(z0, z1 + 1):
-                            if wide:
-                                bound[i, j, q] = max(bound[i, j, q], value)
-                            else:
-                                drawn[i, j, q] = True
+            if own and _passes(crossing, through, r - margin - half_depth, r - margin + half_depth, beam, number):
+                _raise(drawn, x, y, z, half, scale, np.float32(1.0))
+            _raise(bound, x, y, z, 2.0 * half, scale, value)

@@ -26,6 +26,10 @@ from mirrorfold.tree.mirror_tree import MirrorTree
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
 """Columns with the standard errors of a mirror at its true place, which include those of the mirrors on its way."""
 
+MIRROR_UNITS = {"angle_error": "degree", FOLDED_ERRORS[0]: "degree", "curvature": "1/m", "curvature_error": "1/m"}
+MIRROR_UNITS |= dict.fromkeys(("confidence", "strength", "fill", "permittivity", "permittivity_error"), "1")
+"""Units of the columns of mirrors that are neither lengths nor unit vectors."""
+
 
 def collect(
     image: xr.DataArray,
@@ -100,30 +104,9 @@ def _remark(
     """Why there is no mirror, unless none was wanted; with mirrors, in which of them the radar sees itself, how many
     points lie near or beyond a caustic, and of how many it is guessed or doubtful whether they passed through a wall.
     """
-    if not found.tree.mirrors and (given == 0 or settings.generations == 0):
-        return ""
-    if not found.tree.mirrors and given is not None:
-        reach = [
-            f"{name} {float(image[name].min()):.3g} to {float(image[name].max()):.3g} m"
-            for name in ("x", "y", "z", "range")
-            if name in image.dims
-        ]
-        which = "the given mirror is not" if given == 1 else f"none of the {given} given mirrors is"
-        return (
-            f"{which} in the radar's sight within the image, {', '.join(reach)}; give metres, as the image shows them"
-        )
     if not found.tree.mirrors:
-        form = ("straight row", "long") if "azimuth" not in image.dims else ("flat sheet", "wide and as much high")
-        wanted = (
-            f"no {form[0]} of echoes is {settings.minimum_length:.3g} m {form[1]} and stands out of its surroundings"
-        )
-        why = wanted if found.echoes.strong.any() else "no echo stands out of noise and side lobes"
-        if from_above is not None:
-            why = (
-                f"the radar looks down by {from_above:.0f} degrees, where a wall shows in itself only the ground at "
-                "its foot; give mirrors to fold all the same"
-            )
-        return f"no mirror was found: {why}; the scene is shown unfolded"
+        wanted = given != 0 and settings.generations != 0
+        return _without_mirrors(image, found, settings, given, from_above) if wanted else ""
     own = found.explained.take(found.explanation == ITSELF)
     through = found.sight.seen_through(own.range, own.direction)
     said = [
@@ -144,6 +127,28 @@ def _remark(
             what = "1 point" if count == 1 else f"{count} points"
             said.append(f"whether {what} passed through a wall or {'was' if count == 1 else 'were'} reflected {how}")
     return "; ".join(said)
+
+
+def _without_mirrors(
+    image: xr.DataArray, found: Found, settings: FoldSettings, given: int | None, from_above: float | None
+) -> str:
+    """Why none of the mirrors is used that were `given`, or none was found."""
+    if given is not None:
+        axes = [image[name] for name in ("x", "y", "z", "range") if name in image.dims]
+        reach = ", ".join(f"{axis.name} {float(axis.min()):.3g} to {float(axis.max()):.3g} m" for axis in axes)
+        which = "the given mirror is not" if given == 1 else f"none of the {given} given mirrors is"
+        return f"{which} in the radar's sight within the image, {reach}; give metres, as the image shows them"
+    form, long = ("straight row", "long") if "azimuth" not in image.dims else ("flat sheet", "wide and as much high")
+    if from_above is not None:
+        why = (
+            f"the radar looks down by {from_above:.0f} degrees, where a wall shows in itself only the ground at its "
+            "foot; give mirrors to fold all the same"
+        )
+    elif found.echoes.strong.any():
+        why = f"no {form} of echoes is {settings.minimum_length:.3g} m {long} and stands out of its surroundings"
+    else:
+        why = "no echo stands out of noise and side lobes"
+    return f"no mirror was found: {why}; the scene is shown unfolded"
 
 
 def _objects(points: Points) -> xr.Dataset:
@@ -194,12 +199,10 @@ def _pane(mirror: Mirror, transparent_walls: Sequence[TransparentWall]) -> dict[
 def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[TransparentWall] = ()) -> xr.Dataset:
     """The table of mirrors: each one in the unfolded image and at its true place."""
     folds, errors = tree.folds(), tree.errors()
-    units = {"strength": "1", "angle_error": "degree", "offset_error": "m", "fill": "1", "depth": "m",
-             "curvature": "1/m", "curvature_error": "1/m", "permittivity": "1", "permittivity_error": "1",
-             **dict(zip(FOLDED_ERRORS, ("degree", "m"), strict=True))}  # fmt: skip
     nodes = [(node, node.mirror) for node in tree.walk() if node.mirror is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
     any_overhang = any(any(mirror.overhang) for _, mirror in nodes)
+    any_pane = any(wall.pane is not None for wall in transparent_walls)
     index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
@@ -209,32 +212,30 @@ def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[Trans
         return flat | mirror.columns(fold) | middle
 
     def row(node: MirrorTree, mirror: Mirror) -> dict[str, Any]:
-        parent = node.chain[:-1]
-        true = {f"folded_{name}": value for name, value in own_place(mirror, folds[parent]).items()}
-        place = {"parent": np.int32(index[parent]), "generation": np.int32(node.generation)}
-        chain = chain_name(node.chain)
-        own = {"chain": chain, "confidence": mirror_confidence(points, chain)}
-        own |= {
-            name: getattr(mirror, name, 0.0) for name in units if not name.startswith(("curvature", "permittivity"))
-        }
+        parent, chain = node.chain[:-1], chain_name(node.chain)
+        own = own_place(mirror, folds[()])
+        own |= {f"folded_{name}": value for name, value in own_place(mirror, folds[parent]).items()}
+        own |= {"parent": np.int32(index[parent]), "generation": np.int32(node.generation), "chain": chain}
+        own |= {"confidence": mirror_confidence(points, chain)}
+        own |= {name: getattr(mirror, name) for name in ("strength", "angle_error", "offset_error", "fill", "depth")}
         own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
         if any_curved:
             own |= {"curvature": mirror.curvature, "curvature_error": mirror.curvature_error}
         if any_overhang:
             own |= dict(zip(OVERHANG_COLUMNS, mirror.overhang, strict=True))
-        if any(wall.pane is not None for wall in transparent_walls):
-            own |= _pane(mirror, transparent_walls)
-        return own_place(mirror, folds[()]) | true | place | own
+        return own | (_pane(mirror, transparent_walls) if any_pane else {})
 
-    rows = [row(node, mirror) for node, mirror in nodes]
-    size = len(rows)
-    if not rows:  # without mirrors the table still has its columns, empty
-        rows.append(row(tree, example_mirror(tree.objects.position.shape[1])))
+    if nodes:
+        return _table([row(node, mirror) for node, mirror in nodes])
+    # Without mirrors the table still has its columns, empty.
+    return _table([row(tree, example_mirror(tree.objects.position.shape[1]))]).isel(mirror=slice(0))
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> xr.Dataset:
+    """The table of mirrors, from the columns of each by name."""
     data: dict[str, Any] = {}
     for name in rows[0]:
-        values = np.array([row[name] for row in rows])[:size]
-        dims = ("mirror", "corner")[: values.ndim]
-        usual = "1" if "normal" in name or "axis" in name else "m"
-        length = {} if values.dtype.kind in "iU" else {"units": units.get(name, usual)}
-        data[name] = (dims, values, length)
+        values = np.array([row[name] for row in rows])
+        unit = MIRROR_UNITS.get(name, "1" if "normal" in name or "axis" in name else "m")
+        data[name] = (("mirror", "corner")[: values.ndim], values, {} if values.dtype.kind in "iU" else {"units": unit})
     return xr.Dataset(data)

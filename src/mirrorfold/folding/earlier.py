@@ -49,7 +49,7 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
 
 def known_places(reconstruction: xr.DataTree) -> tuple[Array, Names] | None:
     """Image places (n, 2) [m] of echoes, and why these do not come from there, (n,), "" if they do; None if all do."""
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = _table(reconstruction, "objects")
     if "explanation" in objects:
         why = objects["explanation"].values.astype(str)
         why = np.where(np.isin(why, KEPT), why, "")
@@ -65,7 +65,7 @@ def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
 
     None if the Reconstruction holds no shares.
     """
-    objects = reconstruction.children["objects"].to_dataset(inherit=False)
+    objects = _table(reconstruction, "objects")
     if "confocal" not in objects:
         return None
     measured = objects.isel(point=np.isfinite(objects["confocal"].values))
@@ -74,13 +74,18 @@ def known_shares(reconstruction: xr.DataTree) -> tuple[Array, Array] | None:
 
 def known_overhangs(reconstruction: xr.DataTree) -> Overhangs:
     """How far [m] beyond their ends lines of sight meet the mirrors of a Reconstruction, as far as it is known."""
-    mirrors = reconstruction.children["mirrors"].to_dataset(inherit=False)
+    mirrors = _table(reconstruction, "mirrors")
     if any(name not in mirrors for name in OVERHANG_COLUMNS):
         return Overhangs.nothing()
     ends = [np.column_stack([mirrors[f"{axis}{end}"] for axis in "xy"]) for end in (0, 1)]
     # In a recording, mirrors of frames without overhangs have NaN.
     lengths = np.concatenate([mirrors[name].values for name in OVERHANG_COLUMNS])
     return Overhangs(np.concatenate(ends), np.nan_to_num(lengths))
+
+
+def _table(reconstruction: xr.DataTree, group: str) -> xr.Dataset:
+    """A table of a Reconstruction, without the axes of the picture, which it would inherit."""
+    return reconstruction.children[group].to_dataset(inherit=False)
 
 
 def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:

@@ -58,30 +58,41 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
     """
     if not isinstance(obj, xr.Dataset | xr.DataArray | xr.DataTree):
         raise wrong_kind("pick_frame", obj, "a sweep, an image or a reconstruction")
-    count = frame_count(obj)
+    number = _asked(frame, frame_count(obj))
+    if number is None:
+        return obj
+    return _frame_of(obj, number) if isinstance(obj, xr.DataTree) else obj.isel(frame=number)
+
+
+def _asked(frame: int | None, count: int | None) -> int | None:
+    """The number of the frame that is asked for, of so many; None for an object that is no recording."""
     frame = None if frame is None else whole_number("frame", frame, lowest=-(2**63))
     if count is None and frame in (None, 0):
-        return obj
+        return None
     if frame is None and count == 1:
-        frame = 0
+        return 0
     if count is None or frame is None or not 0 <= frame < count:
         found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
         remedy = "choose one with --frame N, in Python with mf.pick_frame(x, N)" if count else "leave --frame out"
         asked = "a frame is needed" if frame is None else f"frame is {in_message(frame)}"
         raise InputError(f"{asked}, but there are {found}; {remedy}")
-    if not isinstance(obj, xr.DataTree):
-        return obj.isel(frame=frame)
-    own = json.loads(str(obj.dataset["attributes"].values[frame])) if "attributes" in obj.dataset else {}
+    return frame
+
+
+def _frame_of(recording: xr.DataTree, number: int) -> xr.DataTree:
+    """One frame of the Reconstruction of a recording."""
+    attributes = recording.dataset.get("attributes")
+    own = {} if attributes is None else json.loads(str(attributes.values[number]))
     nodes: dict[str, xr.Dataset] = {}
     for path, names in PICTURES.items():
-        held = _node(obj, path)
-        pictures = held[[name for name in names if name in held]].isel(frame=frame)
+        held = _node(recording, path)
+        pictures = held[[name for name in names if name in held]].isel(frame=number)
         part = pictures.dropna("y", how="all").dropna("x", how="all")
         nodes[path] = part.drop_vars([key for key in part.coords if key not in part.dims])
-    nodes["/"].attrs = {**obj.attrs, **own}
+    nodes["/"].attrs = {**recording.attrs, **own}
     for group, dimension in TABLES:
-        table = obj.children[group].to_dataset(inherit=False)
-        chosen = np.flatnonzero(table["frame"].values == frame)
+        table = recording.children[group].to_dataset(inherit=False)
+        chosen = np.flatnonzero(table["frame"].values == number)
         first = int(chosen[0]) if chosen.size else 0
         nodes[f"/{group}"] = _moved(table.isel({dimension: chosen}).drop_vars("frame"), -first)
     return xr.DataTree.from_dict(nodes)

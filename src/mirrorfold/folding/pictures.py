@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import xarray as xr
@@ -36,7 +36,6 @@ is narrowest. Vertical columns are sampled in steps of two edges."""
 
 LARGEST_GRID = 60_000_000
 """The plan view of a volume is drawn from at most this many voxels: where there would be more, the pixels grow."""
-
 
 LARGEST_ANGLE = np.radians(89.999)
 """Largest elevation, and half of the largest azimuth from the middle one, that are drawn of a volume [rad]."""
@@ -118,39 +117,21 @@ def draw(
     [m] behind a mirror belong to the wall. `blobs` (directions, ranges) says by which mirror each sample is folded, see
     `owned_blobs`: no other samples are folded, and doubted ones are not drawn.
     """
-    view = sight.view
+    view, samples = sight.view, _samples_of(sight.view)
     x, y, *z = map(np.array, grid)  # kernels are compiled once for arrays that may be written to
-    axes, frame, shape = [*view.axes, view.range], np.eye(3), (*view.shape, 1)[:2]
-    if isinstance(view, VolumeView):
-        amplitude, gain = view.amplitude, view.gain.astype(np.float32)
-        samples = amplitude.reshape(-1, view.range.size)
-        axes[0], frame = view.axes[0] - view.middle, view.frame
-    else:  # an image is a volume with one row of directions, which is repeated to interpolate between
-        view = cast(ImageView, view)
-        samples = np.ascontiguousarray(view.amplitude.T, dtype=np.float32)
-        amplitude = np.repeat(samples[:, None], 2, axis=1)
-        axes, frame, gain = [view.u, view.u, view.range], view.frame, np.ones(view.range.size, dtype=np.float32)
-    mirrors = {ROOT: Isometry.identity(view.dimensions)}
+    height, columns = z[0] if z else np.zeros(1), strongest or not z
     chains = {index: folds[chain] for index, chain in enumerate(sight.chain) if chain}
-    mirrors |= {index: fold.inverse for index, fold in chains.items() if isinstance(fold, Isometry)}
-    maps = np.zeros((len(mirrors), 3, 4))
-    for into, back in zip(maps, mirrors.values(), strict=True):
-        into[: len(frame), : view.dimensions] = frame @ back.linear
-        into[: len(frame), 3] = frame @ (back.shift - view.radar)
+    flat = {ROOT: Isometry.identity(view.dimensions)}
+    flat |= {index: fold for index, fold in chains.items() if isinstance(fold, Isometry)}
+    back = {index: fold.inverse if index != ROOT else fold for index, fold in flat.items()}
+    maps = np.stack([_into_view(one, samples.frame, view.radar) for one in back.values()])
     crossing, through = map(np.ascontiguousarray, sight.passages)
     empty = sight.open if sight.open.size else np.zeros(len(view.sight))
-    numbers = np.array(list(mirrors))
-    steps = np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
-    if isinstance(view, VolumeView):
-        steps[0, 2:] *= 0.5
-        steps[:2, 2:] = np.tan(np.clip(steps[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
-    cover, side = tuple(sight.cover), view.beside_steps(view.range)
-    seen = maps[0], crossing, through, cover, empty, wall_margin, blobs, amplitude, gain, side, shape, steps
-    height = z[0] if z else np.zeros(1)
-    columns = strongest or not z
-    out = np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)
-    ahead = {index: back.inverse for index, back in mirrors.items()}
-    near = blocks(view, ahead, (x, y, height), blobs, samples, gain, (crossing, through, wall_margin))
+    cover, side, shape = tuple(sight.cover), view.beside_steps(view.range), (*view.shape, 1)[:2]
+    looked_up = samples.amplitude, samples.gain, side, shape, samples.grid
+    seen = maps[0], crossing, through, cover, empty, wall_margin, blobs, *looked_up
+    passages = crossing, through, wall_margin
+    near = blocks(view, flat, (x, y, height), blobs, samples.by_direction, samples.gain, passages)
     curved = {index: fold for index, fold in chains.items() if isinstance(fold, ChainFold)}
     arcs = [(index, way) for index, fold in curved.items() if (way := _bent(fold, view))]
     round_ones = [
@@ -158,6 +139,7 @@ def draw(
         for index, fold in curved.items()
         if (met := _round(fold)) and (box := _boxed(fold, view, blobs == index, (x, y, height)))
     ]
+    numbers, out = np.array(list(flat)), np.zeros((y.size, x.size, 1 if columns else height.size), dtype=np.float32)
 
     def row(i: int) -> None:
         part = i // near.size[0]
@@ -165,13 +147,63 @@ def draw(
         draw_row(x, float(y[i]), height, maps, numbers, *nearby, seen, out[i])
         for index, way in arcs:
             draw_bent_row(x, float(y[i]), *way, index, seen, out[i])
-        for index, across, ahead_of, up, met in round_ones:
-            if ahead_of.start <= i < ahead_of.stop:
+        for index, across, ahead, up, met in round_ones:
+            if ahead.start <= i < ahead.stop:
                 part_of_row = out[i, across] if columns else out[i, across, up]
                 draw_round_row(x[across], float(y[i]), height[up], *met, index, seen, part_of_row)
 
     for_each(row, range(y.size))
     return out[..., 0] if columns else np.moveaxis(out, -1, 0)
+
+
+class _Samples(NamedTuple):
+    """The samples of a view as the kernels look them up: an image is a volume with one row of directions.
+
+    Attributes
+    ----------
+    by_direction : (directions, ranges) array
+        Amplitude before `gain` is applied.
+    amplitude : (columns, rows, ranges) array
+        The same along both axes of directions. The row of an image is there twice, to interpolate between.
+    gain : (ranges,) array
+        Factors that undo the spreading with range.
+    frame : (d, d) array
+        Unit vectors of the radar's own frame.
+    grid : (3, 4) array
+        First value, step, and lowest and highest value of both angles and the range, see `draw_row`.
+    """
+
+    by_direction: NDArray[np.float32]
+    amplitude: NDArray[np.float32]
+    gain: NDArray[np.float32]
+    frame: Array
+    grid: Array
+
+
+def _samples_of(view: View) -> _Samples:
+    """The samples of a view."""
+    if isinstance(view, VolumeView):
+        grid = _grid_of(view.axes[0] - view.middle, view.axes[1], view.range)
+        grid[0, 2:] *= 0.5
+        grid[:2, 2:] = np.tan(np.clip(grid[:2, 2:], -LARGEST_ANGLE, LARGEST_ANGLE))
+        by_direction = view.amplitude.reshape(-1, view.range.size)
+        return _Samples(by_direction, view.amplitude, view.gain.astype(np.float32), view.frame, grid)
+    view = cast(ImageView, view)
+    by_direction = np.ascontiguousarray(view.amplitude.T, dtype=np.float32)
+    amplitude, gain = np.repeat(by_direction[:, None], 2, axis=1), np.ones(view.range.size, dtype=np.float32)
+    return _Samples(by_direction, amplitude, gain, view.frame, _grid_of(view.u, view.u, view.range))
+
+
+def _grid_of(*axes: Array) -> Array:
+    """Of each axis its first value, its step, and its ends, half a step before the first value and behind the last."""
+    return np.array([(a[0], a[1] - a[0], 1.5 * a[0] - 0.5 * a[1], 1.5 * a[-1] - 0.5 * a[-2]) for a in axes])
+
+
+def _into_view(back: Isometry, frame: Array, radar: Array) -> Array:
+    """The map (3, 4) from true places to the radar's own `frame`, given the map `back` to places in the image."""
+    into, size = np.zeros((3, 4)), len(frame)
+    into[:size, :size], into[:size, 3] = frame @ back.linear, frame @ (back.shift - radar)
+    return into
 
 
 def _bent(fold: ChainFold, view: View) -> tuple[Array, Index, Array, Array, Array] | None:

@@ -27,8 +27,8 @@ class Found(NamedTuple):
     Attributes
     ----------
     echoes : Echoes
-        Echoes from which the mirrors and their order were found. Of `explained`, they hold only the echoes that were
-        left out after that.
+        Echoes from which the mirrors and their order were found. Those of the `explained` are among them that were
+        explained only afterwards, with the last order or the whole tree.
     tree : MirrorTree
         The root of the tree of mirrors.
     sight : LinesOfSight

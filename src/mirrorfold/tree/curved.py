@@ -8,7 +8,7 @@ folds to objects that are known, and of those a convex mirror shows a coarser pi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -55,11 +55,7 @@ def shows_new(seen: Evidence) -> bool:
 def candidates(found: Found, view: View) -> Sequence[Mirror]:
     """Curved rows (in space, round sheets) among the echoes in line of sight, and among those that flat mirrors show.
 
-    Parameters
-    ----------
-    found : Found
-        The result so far; its flat mirrors may be pieces of a curved one.
-    view : View
+    Echoes on a flat mirror that is `found` already are among them: it may be a piece of a curved one.
     """
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
@@ -72,7 +68,11 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     return find_curved_rows(view, echoes, own)
 
 
-def without_bent(order: Order) -> list[Mirror] | None:
-    """The mirrors that are not seen by way of a curved one; None if no mirror is."""
+def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> Order:
+    """The order without mirrors that are seen by way of a curved one; `ordered` makes the order of those that are left.
+
+    The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
+    """
     bent = [any(mirror.curved for mirror in order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
-    return [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent] if any(bent) else None
+    kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]
+    return ordered(kept) if any(bent) else order

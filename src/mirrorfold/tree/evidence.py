@@ -166,25 +166,30 @@ def with_rows(
     """
     proved, every_row, first = list[Mirror](), list[Mirror](), found
     find_echoes = lru_cache(1)(lambda *curved: steps.find_echoes(through=curved))  # flat mirrors dim nothing
+
+    def kept_of(trial: Sequence[Mirror]) -> tuple[list[Mirror], Found]:
+        """Those of the rows whose evidence is enough if all are mirrors, and the result of steps 2 to 4 with them."""
+        every, tried = [*besides, *trial], found
+        echoes = find_echoes(*(mirror for mirror in every if mirror.curved))
+        kept = [row for row in trial if filled_cells(view, echoes.take(selected(view, echoes, row))) >= fewest]
+        places = known_places(first, view, every)
+        quick_pass = partial(steps.quick_pass, mirrors=[*_flat_besides(found, every, view), *every])
+        for step, whole in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
+            if len(kept) < len(trial):
+                break
+            tried = step(echoes=echoes)
+            seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
+            convincing = (one.cells >= fewest and is_enough(one) and (one.possible or not whole) for one in seen)
+            kept = list(compress(trial, convincing))
+        return kept, tried
+
     for _ in range(2):
         known = [*besides, *proved]
         new = [row for row in proposed(found, view) if not any(overlap(row, other) for other in known)]
         every_row += new
         trial, tried = [*proved, *new], found
         while len(trial) > len(proved):
-            every = [*besides, *trial]
-            echoes = find_echoes(*(mirror for mirror in every if mirror.curved))
-            kept = [row for row in trial if filled_cells(view, echoes.take(selected(view, echoes, row))) >= fewest]
-            places = known_places(first, view, every)
-            mirrors = [*_flat_besides(found, every, view), *every]
-            quick_pass = partial(steps.quick_pass, mirrors=mirrors)
-            for step, whole in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
-                if len(kept) < len(trial):
-                    break
-                tried = step(echoes=echoes)
-                seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
-                convincing = (one.cells >= fewest and is_enough(one) and (one.possible or not whole) for one in seen)
-                kept = list(compress(trial, convincing))
+            kept, tried = kept_of(trial)
             if len(kept) == len(trial):
                 break
             trial = kept

@@ -80,7 +80,7 @@ class Cover(NamedTuple):
         level = (hiding_levels(objects, view) if levels is None else levels)[row]
         until = shadow_ends(objects, view)[row]
         table = _steps(direction, begin, until, level, view)
-        # A step says something if it is higher than all steps before it that do not end.
+        # A step counts only if its level exceeds those of all nearer steps that never end.
         lasting = np.maximum.accumulate(np.where(np.isinf(table.until), table.level, 0.0), axis=0)
         before = np.vstack([np.zeros((1, len(view.sight))), lasting])[: len(lasting)]
         which = np.nonzero((table.range < table.until) & (table.level > before))
@@ -98,10 +98,10 @@ class Cover(NamedTuple):
 def hiding_levels(objects: Echoes, view: View) -> Array:
     """Amplitude up to which echoes behind each echo of an object may be multiple scattering of that object, (n,).
 
-    It is the echo's own amplitude and `CLEAR_DB`. Of an object that is as small as a point (`POINT_CELLS`), it is at
-    most its mean amplitude, as far as speckle may hide that: with the probability ``(1 - exp(-f))^k``, all of k cells
-    with speckle are fainter than f times the mean intensity. Fades that are as rare as one cell's by `CLEAR_DB`, one in
-    a hundred, are 10 dB for two cells, 6 dB for three and 4 dB for four.
+    It is the amplitude of the echo, raised by `CLEAR_DB`; for an object as small as a point (`POINT_CELLS`) at most
+    ``B / sqrt(f)``, with B the amplitude of its brightest echo. That is more than its mean amplitude M, but for rare
+    fades: with the probability ``(1 - exp(-f))^k``, all of its k cells have speckle below ``sqrt(f) M``. The fade f is
+    as rare for k cells as `CLEAR_DB` for one, one in a hundred: 10 dB for two cells, 6 dB for three, 4 dB for four.
     """
     own = ratio_of(CLEAR_DB) * objects.amplitude
     number = object_numbers(view, objects.range, objects.direction)

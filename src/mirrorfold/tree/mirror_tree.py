@@ -29,7 +29,7 @@ class MirrorTree:
     objects : Echoes
         Echoes of objects that are seen through this mirror, or directly for the root.
     mirrors : tuple of MirrorTree
-        The mirrors that are seen through this one, the strongest first.
+        The mirrors that are seen through this one, in the order in which they were found.
     chain : tuple of int
         Index of each mirror among its parent's `mirrors`, from the root to this node; empty for the root.
     """

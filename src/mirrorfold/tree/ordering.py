@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 BEAM = 0.5
 """Width, in resolution cells, of the beams of which the brightest echoes give the reference level behind a mirror."""
 
+MetAt = Callable[[Mirror], Array]
+"""Gives the range [m] at which each line of sight meets a mirror, its `crossing`."""
+
 
 @dataclass(frozen=True, eq=False)
 class Order:
@@ -132,37 +135,22 @@ def order_mirrors(
 def _ordered(
     mirrors: Sequence[Mirror], view: View, echoes: Echoes, settings: FoldSettings, walls: Mask | None
 ) -> Order:
-    """Cut the mirrors where their parent changes, find what objects hide, and the parent of each seen mirror."""
-    whole, pieces, remains = mirrors, [[mirror] for mirror in mirrors], list[Mirror]()
-    met_at = cache(lambda mirror: mirror.crossing(view))  # each of the others asks for it again
-    # A piece of a mirror that is itself cut may be the parent: the second pass uses the pieces of the first.
-    for _ in range(2):
-        others = [list(chain(*pieces[:i], *pieces[i + 1 :])) for i in range(len(whole))]
-        cut = [_pieces(mirror, rest, view, settings, met_at) for mirror, rest in zip(whole, others, strict=True)]
-        pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
-    mirrors = list(chain(*pieces))
+    """`order_mirrors`, with any number of mirrors in a chain."""
+    met_at = cache(lambda mirror: mirror.crossing(view))  # it is asked for once for each other mirror
+    mirrors, remains = _cut(mirrors, view, settings, met_at)
     # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
     margin = settings.wall_margin or 0.0
     face, edge = (faces(some, view, echoes, margin, unseen=UNSEEN, root=ROOT) for some in (mirrors, remains))
     face[(face == ROOT) & (edge != ROOT)] = UNSEEN
     crossing = np.array([met_at(mirror) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
-    hides = echoes.visible & echoes.strong & (face == ROOT) & settings.opaque
+    objects = echoes.visible & echoes.strong & (face == ROOT) & settings.opaque
     if walls is None:
-        objects = echoes.take(hides)
-        levels = None if settings.published else levels_behind(objects, mirrors, crossing, view)
-        cover = Cover.of(objects, view, levels)
+        hiding = echoes.take(objects)
+        cover = Cover.of(hiding, view, None if settings.published else levels_behind(hiding, mirrors, crossing, view))
     else:
-        nearest = crossing.min(axis=0, initial=np.inf)
-        cover = Cover.of(echoes.take(hides & ~walls & (nearest[echoes.direction] < echoes.range)), view)
-        cover = cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
-    shown = crossing.copy()
-    for row, mirror in zip(shown, mirrors, strict=True):
-        met = np.flatnonzero(np.isfinite(row))
-        row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
-    # The parent of a mirror is the mirror that most of its visible lines of sight meet last before it.
-    before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
-    parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
-    seen = np.flatnonzero([b.size for b in before])
+        cover = _cover_behind(echoes, objects & ~walls, crossing, view)
+    parent = _parents(mirrors, crossing, cover, view)
+    seen = np.flatnonzero(parent != UNSEEN)
     # New numbers of the mirrors that are seen. A parent that is not seen becomes `UNSEEN`.
     number = np.full(len(mirrors) + 2, UNSEEN, dtype=np.intp)
     number[seen], number[ROOT] = np.arange(seen.size), ROOT
@@ -171,13 +159,46 @@ def _ordered(
     return Order([mirrors[index] for index in seen], sight, own)
 
 
+def _cut(
+    mirrors: Sequence[Mirror], view: View, settings: FoldSettings, met_at: MetAt
+) -> tuple[list[Mirror], list[Mirror]]:
+    """The mirrors, cut where their parent changes; and the pieces that are too small for mirrors."""
+    pieces, remains = [[mirror] for mirror in mirrors], list[Mirror]()
+    # A piece of a mirror that is itself cut may be the parent: the second pass uses the pieces of the first.
+    for _ in range(2):
+        others = [list(chain(*pieces[:i], *pieces[i + 1 :])) for i in range(len(mirrors))]
+        cut = [_pieces(mirror, rest, view, settings, met_at) for mirror, rest in zip(mirrors, others, strict=True)]
+        pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
+    return list(chain(*pieces)), remains
+
+
+def _cover_behind(echoes: Echoes, objects: Mask, crossing: Array, view: View) -> Cover:
+    """What those of the echoes that are `objects`, (n,), hide behind the first mirror of each line of sight."""
+    nearest = crossing.min(axis=0, initial=np.inf)
+    cover = Cover.of(echoes.take(objects & (nearest[echoes.direction] < echoes.range)), view)
+    return cover._replace(range=np.where(np.isfinite(nearest), cover.range, np.inf))
+
+
+def _parents(mirrors: Sequence[Mirror], crossing: Array, cover: Cover, view: View) -> Index:
+    """Number of the parent of each mirror, (mirrors,), or `ROOT`; `UNSEEN` for a mirror that objects hide.
+
+    It is the mirror that most of the visible lines of sight meet last before it. `crossing` (mirrors, directions) [m]
+    is the range at which lines of sight meet the mirrors.
+    """
+    shown = crossing.copy()
+    for row, mirror in zip(shown, mirrors, strict=True):
+        met = np.flatnonzero(np.isfinite(row))
+        row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
+    before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
+    return np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
+
+
 def _pieces(
-    mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings, met_at: Callable[[Mirror], Array]
+    mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings, met_at: MetAt
 ) -> tuple[list[Mirror], list[Mirror]]:
     """The pieces of a mirror that is seen by way of several others, and the pieces that are too small for a mirror.
 
     One row of echoes may be seen by two ways: the image of a wall in another wall at right angles continues the wall.
-    `met_at` gives the range [m] at which each line of sight meets a mirror, its `crossing`.
     """
     go_on()  # the time grows with the number of others: hundreds of mirrors take a minute
     directions, before = _last_before(0, np.stack([met_at(one) for one in (mirror, *others)]))

@@ -77,14 +77,14 @@ def find_tree(
     find : callable
         Step 2: `find_mirrors`, or another function with its arguments.
     """
-    measured = measured or Measured()
+    measured, searched = measured or Measured(), known is None and not settings.published
+    if known is not None and not len(known):  # where an empty list of mirrors is given, the image stays as it is
+        settings = replace(settings, copies=False)
     agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
     reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
     if earlier is not None:
         reasons.recall(earlier, besides)
         view = _told(view, reasons)
-    # Where an empty list of mirrors is given, the image stays as it is.
-    repeated = settings.copies and (known is None or len(known) > 0)
     while True:
         go_on()
         echoes = reasons.echoes
@@ -92,26 +92,13 @@ def find_tree(
         if measured.overhangs is not None and not (new := measured.overhangs(order, seen)).same(overhangs):
             overhangs = new
             order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
-        tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
-        clear = sight.clear(echoes)
-        if repeated:
-            reasons.note(clear & copies(order, seen), COPY)
-        rescattered = clear & scattered(order, seen, measured.corners) if settings.rough_walls else np.zeros_like(clear)
-        if settings.rough_walls:
-            # Scattered echoes in a row that was taken for a mirror go at once: that mirror does not exist.
-            reasons.note(rescattered & (order.face != ROOT), SCATTERED)
-            reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
-            reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE_WALL)
-        if measured.explain is not None:
-            reasons.test(measured.explain, clear, order.flattened(seen))
-        searched = known is None and not settings.published
-        share = measured.confocal_share
-        blurs = searched and share is not None and reasons.blur(share, clear & (order.face >= 0))
-        corners = np.zeros((0, 2))
-        if searched and measured.corners is not None and isinstance(view, ImageView):
-            asked = np.concatenate([vertices(order.mirrors), bright_places(order.mirrors, view)])
-            asked = asked[~view.near_corner(asked)]
-            corners = asked[measured.corners(asked)]
+        clear = order.sight.clear(echoes)
+        rescattered = _note_causes(reasons, order, seen, clear, settings, measured)
+        blurs, corners = False, np.zeros((0, 2))
+        if searched:
+            share = measured.confocal_share
+            blurs = share is not None and reasons.blur(share, clear & (order.face >= 0))
+            corners = _new_corners(order.mirrors, view, measured)
         if reasons.stays.all() and not blurs and not len(corners):
             break
         walls = None if walls is None else walls[reasons.stays]
@@ -120,15 +107,43 @@ def find_tree(
             view = _told(view, reasons, corners)
     if searched and settings.opaque:
         seen = shown_at_last(order, echoes, seen, settings)
-        tree, sight = assign_echoes(order, seen)
     # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
-    if rescattered.any():
-        reasons.note(rescattered, SCATTERED)
-        order = replace(order, face=np.where(rescattered, UNSEEN, order.face))
-        tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
+    reasons.note(rescattered, SCATTERED)
+    order = replace(order, face=np.where(rescattered, UNSEEN, order.face))
+    tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
     if settings.opaque:
         reasons.note(radar_itself(tree, sight, seen), ITSELF)
     return Found(seen, tree, sight, *reasons.explained())
+
+
+def _note_causes(
+    reasons: _Reasons, order: Order, seen: Echoes, clear: Mask, settings: FoldSettings, measured: Measured
+) -> Mask:
+    """Note why echoes in `clear` sight, (n,), are of no object, as the order of the mirrors and the sweep tell.
+
+    Returns which echoes rough walls may have scattered, (n,). Of these, only those in a row that was taken for a mirror
+    are noted at once, because that mirror does not exist.
+    """
+    rescattered = np.zeros_like(clear)
+    if settings.copies:
+        reasons.note(clear & copies(order, seen), COPY)
+    if settings.rough_walls:
+        rescattered = clear & scattered(order, seen, measured.corners)
+        reasons.note(rescattered & (order.face != ROOT), SCATTERED)
+        reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
+        reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE_WALL)
+    if measured.explain is not None:
+        reasons.test(measured.explain, clear, order.flattened(seen))
+    return rescattered
+
+
+def _new_corners(mirrors: Sequence[Mirror], view: View, measured: Measured) -> Array:
+    """Where an image shows vertices of corners that the view does not know yet, (c, 2) [m]; none without the sweep."""
+    if measured.corners is None or not isinstance(view, ImageView):
+        return np.zeros((0, 2))
+    asked = np.concatenate([vertices(mirrors), bright_places(mirrors, view)])
+    asked = asked[~view.near_corner(asked)]
+    return asked[measured.corners(asked)]
 
 
 def _told(view: View, reasons: _Reasons, corners: Sequence[Array] | Array = ()) -> View:
@@ -235,30 +250,17 @@ def agreed(
 
     A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects.
     """
-    overhangs = Overhangs.nothing() if overhangs is None else overhangs
+    ordered = partial(
+        _found_and_ordered, view=view, settings=settings, known=known, walls=walls, besides=besides,
+        overhangs=overhangs or Overhangs.nothing(), find=find,
+    )  # fmt: skip
+    return _until_agreed(ordered, echoes, settings)
+
+
+def _until_agreed(ordered: Callable[[Echoes], Order], echoes: Echoes, settings: FoldSettings) -> tuple[Order, Echoes]:
+    """Order mirrors with the echoes that the last order left visible and strong, until these no longer change."""
     for _ in range(MAXIMUM_ROUNDS):
-        tested, length = not settings.published, settings.minimum_length
-        rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
-        mirrors = find(view, rows, minimum_length=length, tested=tested, known=known)
-        if known is None and isinstance(view, ImageView) and len(view.corners):
-            shortest = length or usual_settings(view, echoes)["minimum_length"]
-            lone = lone_legs(mirrors, view, shortest)
-            mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
-        mirrors = overhangs.on(mirrors, view)
-        rest = list(besides)
-        order = order_mirrors([*mirrors, *rest], view, echoes, settings, walls)
-        # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene.
-        if known is None and settings.opaque and (own := order.images_of_radar()).any():
-            # The order's mirrors are those of both lists, some of them cut.
-            mirrors, rest = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself], []
-            order = order_mirrors(mirrors, view, echoes, settings, walls)
-        if known is None and tested and settings.opaque and isinstance(view, ImageView):
-            more = overhangs.on(completed(mirrors, order, view, echoes, length or 0.0, find), view)
-            if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
-                order = order_mirrors([*more, *rest], view, echoes, settings, walls)
-        # The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
-        if known is None and tested and settings.opaque and (kept := without_bent(order)):
-            order = order_mirrors(kept, view, echoes, settings, walls)
+        order = ordered(echoes)
         seen = order.seen(echoes) if settings.opaque else echoes
         if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
             break
@@ -266,12 +268,49 @@ def agreed(
     return order, seen
 
 
-def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSettings) -> Echoes:
-    """The echoes as `seen` in the end, and those that only an earlier round has hidden.
+def _found_and_ordered(
+    echoes: Echoes,
+    *,
+    view: View,
+    settings: FoldSettings,
+    known: Array | None,
+    walls: Mask | None,
+    besides: Sequence[Mirror],
+    overhangs: Overhangs,
+    find: Finder,
+) -> Order:
+    """Steps 2 and 3, each once; for the arguments see `find_tree`."""
+    ordered = partial(order_mirrors, view=view, echoes=echoes, settings=settings, walls=walls)
+    rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
+    mirrors = find(view, rows, minimum_length=settings.minimum_length, tested=not settings.published, known=known)
+    if known is None and isinstance(view, ImageView) and len(view.corners):
+        shortest = settings.minimum_length or usual_settings(view, echoes)["minimum_length"]
+        lone = lone_legs(mirrors, view, shortest)
+        mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
+    mirrors, rest = overhangs.on(mirrors, view), list(besides)
+    order = ordered([*mirrors, *rest])
+    if known is not None or not settings.opaque:
+        return order
+    # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene.
+    if (own := order.images_of_radar()).any():
+        # The order's mirrors are those of both lists, some of them cut.
+        mirrors, rest = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself], []
+        order = ordered(mirrors)
+    if settings.published:
+        return order
+    if isinstance(view, ImageView):
+        more = overhangs.on(completed(mirrors, order, view, echoes, settings.minimum_length or 0.0, find), view)
+        if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
+            order = ordered([*more, *rest])
+    return without_bent(order, ordered)
 
-    Part of a wall that was not found at first passed for an object, and hid what the wall shows there. Of all `echoes`,
-    as they were before the first round, those are visible that nothing hides but what is no wall in the last order.
-    Echoes that some round has found to be strong, behind a lossy mirror, are objects, too.
+
+def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSettings) -> Echoes:
+    """The echoes as `seen` after the last round, where those are visible again that only an earlier round has hidden.
+
+    A part of a wall that the first rounds did not find passed for an object, and hid what the wall shows. So the
+    mirrors of the last order are ordered once more among all `echoes`, with their marks as before the first round: what
+    is visible then is visible. Echoes that any round found strong, behind a lossy mirror, count as objects there.
     """
     echoes = replace(echoes, strong=echoes.strong | seen.strong)
     anew = order_mirrors(order.mirrors, order.sight.view, echoes, settings).seen(echoes)
@@ -282,12 +321,10 @@ def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSett
 
 def ordered_again(view: View, echoes: Echoes, mirrors: Sequence[Mirror], settings: FoldSettings) -> Found:
     """Steps 3 and 4 with known mirrors, until the visible echoes no longer change; no echo is tested."""
-    for _ in range(MAXIMUM_ROUNDS):
-        order = order_mirrors(mirrors, view, echoes, settings)
-        if kept := without_bent(order):
-            order = order_mirrors(kept, view, echoes, settings)
-        seen = order.seen(echoes) if settings.opaque else echoes
-        if np.array_equal(seen.visible, echoes.visible) and np.array_equal(seen.strong, echoes.strong):
-            break
-        echoes = seen
+
+    def ordered(echoes: Echoes) -> Order:
+        order_of = partial(order_mirrors, view=view, echoes=echoes, settings=settings)
+        return without_bent(order_of(mirrors), order_of)
+
+    order, seen = _until_agreed(ordered, echoes, settings)
     return Found(seen, *assign_echoes(order, seen, opaque=settings.opaque), *_Reasons(seen).explained())

@@ -8,6 +8,8 @@ from numpy.testing import assert_array_equal
 
 from mirrorfold.detection.search.rows import GAP_CELLS, heaviest_row, longest_run, without_gaps
 
+pytestmark = pytest.mark.nojit
+
 
 @pytest.mark.parametrize(("gap", "found"), [(GAP_CELLS - 0.01, [2, 0, 1, 3]), (GAP_CELLS + 0.01, [1, 3])])
 def test_a_row_ends_at_a_gap(gap, found):

@@ -172,46 +172,46 @@ def test_an_image_that_knows_nothing_of_its_radar_is_seen_from_the_origin():
     assert view.amplitude.max() == pytest.approx(1.0, rel=0.05)
 
 
-@pytest.mark.slow
-def test_the_resolution_cells_are_those_of_a_focused_point_target():
-    elements, points, target = 81, 201, np.array([0.0, 1.2])
-    position = np.zeros((elements, 3))
-    position[:, 0] = 0.5e-3 * (np.arange(elements) - elements // 2)
+def focused_point(elements, pitch, points, x, y, **given):
+    """The view of a point 1.2 m before an array, 10 GHz wide, and the range, the u and the height of its echo."""
+    position, target = np.zeros((elements, 3)), np.array([0.0, 1.2])
+    position[:, 0] = pitch * (np.arange(elements) - elements // 2)
     frequency = np.linspace(290e9, 300e9, points)
     distance = np.linalg.norm(position[:, :2] - target, axis=1)
     s = np.exp(-2j * np.pi * frequency[:, None, None] / speed_of_light * (distance[:, None] + distance))
     sweep = make_sweep(s, frequency=frequency, tx_position=position, rx_position=position)
+    view = to_image_view(mf.focus(sweep, x=x, y=y, **given), normalization="none")
+    return view, *peak(view, 1.2, 0.0)
+
+
+def widths(view, range_, u, height):
+    """Widths of an echo between half amplitudes in range and in u, in resolution cells."""
+    fine = np.linspace(-1.0, 1.0, 2001)
+    lobes = (
+        view.power_at(range_ + fine * view.range_cell, np.full(2001, u)),
+        view.power_at(np.full(2001, range_), u + fine * view.u_cell),
+    )
+    return [np.ptp(fine[lobe >= (0.5 * height) ** 2]) for lobe in lobes]
+
+
+@pytest.mark.slow
+def test_the_resolution_cells_are_those_of_a_focused_point_target():
     x, y = np.arange(-0.1, 0.1, 0.002), np.arange(1.1, 1.3, 0.002)
-    view = to_image_view(mf.focus(sweep, x=x, y=y), normalization="none")
-    range_, u, height = peak(view, 1.2, 0.0)
+    view, range_, u, height = focused_point(81, 0.5e-3, 201, x, y)
     assert abs(range_ - 1.2) < 0.01 * view.range_cell
     assert abs(u) < 0.01 * view.u_cell
-    fine = np.linspace(-1.0, 1.0, 2001)
-    in_range = view.power_at(range_ + fine * view.range_cell, np.full(2001, u)) >= (0.5 * height) ** 2
-    in_u = view.power_at(np.full(2001, range_), u + fine * view.u_cell) >= (0.5 * height) ** 2
-    assert fine[in_range][-1] - fine[in_range][0] == pytest.approx(1.0, abs=0.1)
-    assert fine[in_u][-1] - fine[in_u][0] == pytest.approx(1.0, abs=0.1)
+    assert widths(view, range_, u, height) == pytest.approx([1.0, 1.0], abs=0.1)
 
 
 @pytest.mark.parametrize("apodization", ["uniform", "hann"])
 @pytest.mark.parametrize("taper", ["uniform", "taylor", "triangular", "hann"])
 def test_the_cells_are_those_of_the_windows(taper, apodization):
     """Of a point before a short array, near broadside."""
-    elements, target = 41, np.array([0.0, 1.2])
-    position = np.zeros((elements, 3))
-    position[:, 0] = 1e-3 * (np.arange(elements) - elements // 2)
-    frequency = np.linspace(290e9, 300e9, 101)
-    distance = np.linalg.norm(position[:, :2] - target, axis=1)
-    s = np.exp(-2j * np.pi * frequency[:, None, None] / speed_of_light * (distance[:, None] + distance))
-    sweep = make_sweep(s, frequency=frequency, tx_position=position, rx_position=position)
-    grid = {"x": np.arange(-0.15, 0.15, 0.003), "y": np.arange(1.1, 1.3, 0.002)}
-    view = to_image_view(mf.focus(sweep, **grid, taper=taper, apodization=apodization), normalization="none")
-    range_, u, height = peak(view, 1.2, 0.0)
-    fine = np.linspace(-1.0, 1.0, 2001)
-    in_range = view.power_at(range_ + fine * view.range_cell, np.full(2001, u)) >= (0.5 * height) ** 2
-    in_u = view.power_at(np.full(2001, range_), u + fine * view.u_cell) >= (0.5 * height) ** 2
-    assert fine[in_range][-1] - fine[in_range][0] == pytest.approx(1.0, abs=0.06)
-    assert fine[in_u][-1] - fine[in_u][0] == pytest.approx(1.0, abs=0.08)
+    x, y = np.arange(-0.15, 0.15, 0.003), np.arange(1.1, 1.3, 0.002)
+    view, *echo = focused_point(41, 1e-3, 101, x, y, taper=taper, apodization=apodization)
+    in_range, in_u = widths(view, *echo)
+    assert in_range == pytest.approx(1.0, abs=0.06)
+    assert in_u == pytest.approx(1.0, abs=0.08)
     assert view.range_unit == pytest.approx(0.5 * speed_of_light / 10.1e9, rel=1e-3)
 
 

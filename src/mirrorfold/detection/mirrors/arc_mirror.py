@@ -174,7 +174,7 @@ class ArcMirror(Mirror):
         """``|q| / (r1 + s)``, see `spread`: positive in front of a caustic and behind it, (n, 1)."""
         return np.abs(self.spread(points)[0])[:, None]
 
-    def holds(self, points: Array, beside: float, beyond: float) -> Mask:
+    def holds(self, points: Array, beside: Array | float, beyond: float) -> Mask:
         """Whether points (n, 2) lie at most `beside` [m] from the circle and `beyond` [m] past the ends, (n,).
 
         Both ends count along the arc.

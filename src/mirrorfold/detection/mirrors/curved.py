@@ -41,7 +41,9 @@ def growth_over(way: Sequence[Mirror], points: Array) -> Array:
 def fit_covariance(mirror: Mirror, offset: Array, normal: Array, tangents: Sequence[Array], way: Array) -> Array:
     """Covariance (n, d, d) [m^2] of places that are fixed to tangents of a mirror, from the standard errors of its fit.
 
-    Errors of the offset [m], angle [degree] and curvature [1/m] of the mirror count, of which NaN counts as zero.
+    It is ``(s^2 + (w^2 k / 2)^2) n n' + (a^2 + (w k)^2) sum over t of q q'``, with s, a and k the errors of offset [m],
+    angle [rad] and curvature [1/m], of which NaN counts as zero, w the `way`, n the `normal`, t each of the `tangents`,
+    and ``q = (o.t) n + (o.n) t`` for the `offset` o.
 
     Parameters
     ----------

@@ -89,27 +89,40 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
         raise InputError(f"{source}: holds {len(places)} mirrors, expected at most {LARGEST_COUNT}")
     seen: dict[bytes, int] = {}
     for number, points in enumerate(places):
-        mirror, flat = f"{source}: mirror {number}", points.shape[1] == 2
+        mirror = f"{source}: mirror {number}"
         if (first := seen.setdefault(min(one.tobytes() for one in _alike(points + 0.0)), number)) != number:  # no -0.0
             raise InputError(f"{mirror} is mirror {first} once more, and nothing is seen by way of both; leave it out")
         wrong = unplaced(points[:3] if is_round(points) else points)
         if wrong is not None:
             raise InputError(f"{mirror} has a place that {wrong}, expected numbers in metres")
-        if is_round(points):
-            if not (points[2] == points[2, 0]).all() or points[2, 0] <= SHORTEST * np.abs(points[:2]).max():
-                raise InputError(f"{mirror} has the radius {points[2, 0]:g}, expected a length above zero in metres")
-            continue
-        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-        if spread[0 if flat else 1] <= SHORTEST * np.abs(points).max():
-            what = "length; give two different ends" if flat else "extent; give four different corners"
-            raise InputError(f"{mirror} has no {what}, or leave it out")
-        if len(points) == 3:
-            _check_arc(points, mirror)
-        if not flat and spread[2] > FLATTEST * spread[0]:
-            raise InputError(f"{mirror} is not flat; give four corners of one plane")
-        if not flat and not _goes_around(points):
-            raise InputError(f"{mirror} has no convex outline; give its corners in their order around the face")
+        check = _check_round if is_round(points) else _check_plane if len(points) == 4 else _check_row
+        check(points, mirror)
     return places
+
+
+def _check_round(points: Array, mirror: str) -> None:
+    """Refuse a cylinder or a sphere (4, 3), in the form of `check_mirrors`, without a radius."""
+    if not (points[2] == points[2, 0]).all() or points[2, 0] <= SHORTEST * np.abs(points[:2]).max():
+        raise InputError(f"{mirror} has the radius {points[2, 0]:g}, expected a length above zero in metres")
+
+
+def _check_plane(corners: Array, mirror: str) -> None:
+    """Refuse four corners (4, 3) that are not those of a flat, convex face."""
+    spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    if spread[1] <= SHORTEST * np.abs(corners).max():
+        raise InputError(f"{mirror} has no extent; give four different corners, or leave it out")
+    if spread[2] > FLATTEST * spread[0]:
+        raise InputError(f"{mirror} is not flat; give four corners of one plane")
+    if not _goes_around(corners):
+        raise InputError(f"{mirror} has no convex outline; give its corners in their order around the face")
+
+
+def _check_row(points: Array, mirror: str) -> None:
+    """Refuse the ends (2, 2) of a line without length, and three points (3, 2) that do not define an arc."""
+    if np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[0] <= SHORTEST * np.abs(points).max():
+        raise InputError(f"{mirror} has no length; give two different ends, or leave it out")
+    if len(points) == 3:
+        _check_arc(points, mirror)
 
 
 def _alike(points: Array) -> list[Array]:

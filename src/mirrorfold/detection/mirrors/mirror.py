@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -141,7 +141,7 @@ class Mirror(ABC):
         """Factor by which its curvature widens the pencil of rays to points (n, d) behind it, (n, d - 1)."""
         return np.ones((len(points), len(self.tangents)))
 
-    def holds(self, points: Array, beside: float, beyond: float) -> Mask:
+    def holds(self, points: Array, beside: Array | float, beyond: float) -> Mask:
         """Whether points (n, d) lie at most `beside` [m] from its face and `beyond` [m] past its ends, (n,)."""
         place, (first, last) = (points - self.center) @ self.tangents.T, self.sides.T
         inside = np.all((place >= first - beyond) & (place <= last + beyond), axis=-1)
@@ -160,10 +160,11 @@ class Mirror(ABC):
         return Isometry.reflection(self.center, self.normal)
 
     def displacement_covariance(self, places: Array) -> Array:
-        """Covariance (n, d, d) [m^2] of half the displacement of the mirror images of places (n, d).
+        """Covariance (n, d, d) [m^2] of half the displacement of mirror images of places (n, d), by errors of the fit.
 
-        The displacement is caused by the errors of offset and angle. For a place on the face itself, half of it is the
-        displacement of the face. A given mirror, whose errors are NaN, is taken to be exact.
+        It is ``s^2 n n' + a^2 sum over t of q q'``, with s the error of the offset [m], a that of the angle [rad], n
+        the normal, t the tangents, and ``q = (o.t) n + (o.n) t`` for a place at o from the center. For a place on the
+        face itself it is the covariance of the face. A given mirror, whose errors are NaN, is taken to be exact.
         """
         offset, angle = places - self.center, float(np.nan_to_num(np.radians(self.angle_error)))
         square = np.nan_to_num(self.offset_error) ** 2 * np.outer(self.normal, self.normal)
@@ -180,6 +181,10 @@ class Mirror(ABC):
     def inward(self, view: View) -> Array:
         """The unit normal that points away from the radar, (d,)."""
         return self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0)
+
+    def with_echoes(self, view: View, echoes: Echoes) -> Self:
+        """The mirror with the `fill` and the `strength` that the echoes on it give; there must be at least one."""
+        return replace(self, fill=self.filled(view, echoes), strength=float(np.median(echoes.amplitude)))
 
     def own(self, view: View, echoes: Echoes) -> Mask:
         """Which echoes lie on its face, to within the resolution cell across it, (n,)."""

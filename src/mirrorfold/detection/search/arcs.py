@@ -9,7 +9,7 @@ behind it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -36,7 +36,7 @@ from mirrorfold.detection.search.fit import (
     kink_residual,
     power_centroids,
 )
-from mirrorfold.detection.search.growing import CLIP, drawn
+from mirrorfold.detection.search.growing import clipped_weight, drawn
 from mirrorfold.detection.search.joined import fitted_together, s_shaped
 from mirrorfold.detection.search.lines import LOBE
 from mirrorfold.detection.search.rows import heaviest_row, longest_run, without_gaps
@@ -61,6 +61,10 @@ CLOSE_CELLS, SMOOTH_CELLS, EXTENDED_CELLS = 0.12, 2.0, 3.0
 """An arc ends where the centroids of power, averaged over `SMOOTH_CELLS` resolution cells, stray from it by more than
 `CLOSE_CELLS` range cells, three times what speckle makes them stray. From one fit to the next, it may grow by
 `EXTENDED_CELLS` cells at either end."""
+
+LARGEST_SPAN, LONGEST_TURN = 1.5 * np.pi, 0.95 * 2.0 * np.pi
+"""Largest angle [rad] over which an arc goes: of a pillar less than half a circle is seen, and what goes much farther
+around is no single wall. And largest angle over which its row is searched: not all around, so that it has two ends."""
 
 DARK = 0.1
 """An arc ends where the local mean of its amplitude falls below this share of its median."""
@@ -99,18 +103,16 @@ def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
     return offset @ chord, offset @ turned(chord)
 
 
-@dataclass
 class _Arcs:
     """The search for arcs among echoes that are all seen by way of the same mirrors."""
 
-    echoes: Echoes
-    view: ImageView
+    def __init__(self, echoes: Echoes, view: ImageView) -> None:
+        self.echoes, self.view = echoes, view
+        self.weight = clipped_weight(echoes, echoes.amplitude[echoes.strong])
+        self.random = np.random.default_rng(0)
 
     def find(self) -> list[ArcMirror]:
         """All arcs, that with the most votes first."""
-        usual = np.median(self.echoes.amplitude[self.echoes.strong]) if self.echoes.strong.any() else 1.0
-        self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
-        self.random = np.random.default_rng(0)
         found: list[ArcMirror] = []
         for _ in range(PASSES):
             known = len(found)
@@ -128,23 +130,17 @@ class _Arcs:
             if arc is None:
                 break
             arc, member = self._grown(arc, free)
-            halves = None if arc is None else self._halves(arc, free)
-            if halves is not None:
+            arcs = [] if arc is None else self._halves(arc, free) or self._refined(arc, free)
+            if arcs:
                 missed = 0
-                found.extend(halves)
-                free &= ~on_rows(halves, self.view, self.echoes)
+                found.extend(arcs)
+                free &= ~on_rows(arcs, self.view, self.echoes)
                 continue
-            fitted = None if arc is None else self._refined(arc, free)
-            if fitted is None:
-                missed += 1
-                # Only the middle of the row is taken out: the rest may belong to an arc that this one crosses.
-                place, cell = self.echoes.position[member], np.asarray(self.view.cell(self.echoes.range[member]))
-                offset = np.linalg.norm(place - np.median(place, axis=0), axis=1)
-                free[member[offset <= np.maximum(2.0 * NEAR_CELLS * cell, offset.min())]] = False
-                continue
-            missed = 0
-            found.append(fitted)
-            free &= ~on_rows([fitted], self.view, self.echoes)
+            missed += 1
+            # Only the middle of the row is taken out: the rest may belong to an arc that this one crosses.
+            place, cell = self.echoes.position[member], np.asarray(self.view.cell(self.echoes.range[member]))
+            offset = np.linalg.norm(place - np.median(place, axis=0), axis=1)
+            free[member[offset <= np.maximum(2.0 * NEAR_CELLS * cell, offset.min())]] = False
 
     def _cut_apart(self, arcs: list[ArcMirror]) -> list[ArcMirror]:
         """The arcs, with those cut that pass into each other.
@@ -177,8 +173,8 @@ class _Arcs:
         )
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
-    def _halves(self, arc: ArcMirror, free: Mask) -> Sequence[ArcMirror] | None:
-        """The two halves of an S-shaped row of free echoes, of which an arc follows a part; None if there is none.
+    def _halves(self, arc: ArcMirror, free: Mask) -> list[ArcMirror]:
+        """The two halves of an S-shaped row of free echoes, of which an arc follows a part; empty if there is no S.
 
         Where cells are coarse, neither half tells its curvature alone, but their common end and tangent do. One half
         must be curved beyond doubt, and so must the change of curvature at the joint be.
@@ -187,41 +183,38 @@ class _Arcs:
         # All of the S lies within a cell of the circle that passes near most of its echoes.
         rows, width, before = [arc], 1.0, np.empty(0, dtype=np.intp)
         for _ in range(2 * ROUNDS):
-            near = free & np.any([self._beside(row, width) for row in rows], axis=0)
-            member = np.flatnonzero(near)
-            if member.size < FEWEST:
-                return None
+            member = np.flatnonzero(free & np.any([self._beside(row, width) for row in rows], axis=0))
             cell = np.asarray(self.view.cell(self.echoes.range[member]))
             member = member[heaviest_row(points[member] @ chord, cell, self.weight[member])]
-            if member.size < FEWEST:
-                return None
-            halves = s_shaped(points[member], self.weight[member], self.view.radar)
+            enough = member.size >= FEWEST
+            halves = s_shaped(points[member], self.weight[member], self.view.radar) if enough else None
             if halves is None:
-                return None
+                return []
             rows, width = list(halves), NEAR
             if np.array_equal(before, member):
                 break
             before = member
         together = self._joined(rows[0], rows[1])
         if together is None:
-            return None
+            return []
         bend, error = np.transpose([(abs(arc.curvature), arc.curvature_error) for arc in together])
         if not (bend >= SIGNIFICANT * error).any() or bend.sum() < SIGNIFICANT * np.linalg.norm(error):
+            return []
+        whole = [arc for arc in map(self._filled, together) if arc is not None]
+        return whole if len(whole) == len(together) else []
+
+    def _filled(self, arc: ArcMirror) -> ArcMirror | None:
+        """The arc with its fill and strength; None if its echoes fill less than `SMALLEST_FILL` of it."""
+        on_it = self.echoes.take(arc.own(self.view, self.echoes))
+        if not len(on_it):
             return None
-        whole = []
-        for arc in together:
-            on_it = self.echoes.take(arc.own(self.view, self.echoes))
-            if not len(on_it):
-                return None
-            whole.append(replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude))))
-        return whole if min(arc.fill for arc in whole) >= SMALLEST_FILL else None
+        arc = arc.with_echoes(self.view, on_it)
+        return arc if arc.fill >= SMALLEST_FILL else None
 
     def _beside(self, arc: ArcMirror, width: float) -> Mask:
         """Which echoes lie beside an arc, up to `width` cells across it and `EXTENDED_CELLS` past its ends, (n,)."""
-        points, beyond = self.echoes.position, EXTENDED_CELLS * self.view.cell_at(arc.center)
-        along = arc.along(points)
-        inside = (along >= -beyond) & (along <= arc.length + beyond)
-        return np.asarray(inside & (np.abs(arc.beside(points)) <= width * self._across(arc, points)))
+        points = self.echoes.position
+        return arc.holds(points, width * self._across(arc, points), EXTENDED_CELLS * self.view.cell_at(arc.center))
 
     def _fitted(self, arc: ArcMirror) -> ArcMirror | None:
         """The arc, fitted to the centroids of power with its ends kept; None if it becomes implausible."""
@@ -275,11 +268,11 @@ class _Arcs:
         return heaviest_row(arc.along(points), cell, weight)
 
     def _plausible(self, arc: ArcMirror) -> bool:
-        """Whether radius, length and bulge of an arc are in their limits, and it is less than 3/4 of a circle."""
+        """Whether radius, length, bulge and span of an arc are in their limits."""
         cell = self.view.cell_at(arc.center)
         bulge = arc.radius * (1.0 - np.cos(0.5 * min(arc.span, np.pi)))
         sizes = SMALLEST_CELLS * cell <= arc.radius <= LARGEST_CELLS * cell and arc.length >= SHORTEST_CELLS * cell
-        return bool(sizes and bulge >= BULGE_CELLS * cell and arc.span < 1.5 * np.pi)
+        return bool(sizes and bulge >= BULGE_CELLS * cell and arc.span < LARGEST_SPAN)
 
     def _facing(self, arc: ArcMirror) -> ArcMirror | None:
         """The longest part of an arc that is turned towards the radar; None if there is none."""
@@ -289,17 +282,17 @@ class _Arcs:
         run = longest_run((cosine if arc.convex else -cosine) >= GRAZING)
         return None if run is None else arc.part(*along[run][[0, -1]].tolist())
 
-    def _refined(self, arc: ArcMirror, free: Mask) -> ArcMirror | None:
-        """The arc, continued as far as its row goes on, and fitted to the centroids of power; None if it is no arc."""
+    def _refined(self, arc: ArcMirror, free: Mask) -> list[ArcMirror]:
+        """The arc, continued as far as its row goes on, and fitted to the centroids of power; empty if it is no arc."""
         arc = self._continued(arc, free)
         for _ in range(REFINEMENTS):
             facing = self._facing(arc)
             if facing is None or not self._plausible(facing):
-                return None
+                return []
             fitted = self._on_centroids(facing)
             # If the circle becomes straight, or bulges to the other side, the row is no arc.
             if fitted is None or (fitted[0].middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
-                return None
+                return []
             circle, points, trust = fitted
             before = facing.ends
             arc = self._part_on_row(circle, before)
@@ -307,15 +300,12 @@ class _Arcs:
                 break
         arc = self._with_errors(arc, points, trust)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
-            return None
+            return []
         # Two flat walls that touch in the image are no curved one: the likelier of the two is the one that fits better.
         if np.sum(trust * arc.beside(points) ** 2) > kink_residual(*_by_chord(arc, points), trust):
-            return None
-        on_it = self.echoes.take(arc.own(self.view, self.echoes))
-        if not len(on_it):
-            return None
-        arc = replace(arc, fill=arc.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
-        return arc if arc.fill >= SMALLEST_FILL else None
+            return []
+        filled = self._filled(arc)
+        return [] if filled is None else [filled]
 
     def _on_centroids(self, arc: ArcMirror) -> tuple[ArcMirror, Array, Array] | None:
         """The arc, moved to the circle through its centroids of power; these, (n, 2); and their weights, (n,).
@@ -342,7 +332,8 @@ class _Arcs:
         """
         first, last = np.sort(circle.along(ends))
         margin = EXTENDED_CELLS * self.view.cell_at(circle.center)
-        wider = circle.part(first - margin, min(last + margin, first - margin + 0.95 * 2.0 * np.pi * circle.radius))
+        most = LONGEST_TURN * circle.radius
+        wider = circle.part(first - margin, min(last + margin, first - margin + most))
         wider = self._facing(wider) or wider
         points, weight = self._centroids(wider)
         if not len(points):

@@ -10,7 +10,7 @@ from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.search.fit import robust_weights, weighted_fit
-from mirrorfold.detection.search.rows import GAP_CELLS
+from mirrorfold.detection.search.rows import heaviest_run
 
 PROPOSALS = 600
 """Number of circles that are proposed for each arc."""
@@ -68,11 +68,11 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
 def proposed(points: Array, weight: Array, cells: Array, radar: Array, random: np.random.Generator) -> ArcMirror | None:
     """The most bent row among echoes at points (n, 2) [m], as an arc; None if there is none.
 
-    Three echoes propose a circle. It is worth what it gains for its heaviest unbroken row of echoes over the straight
-    line through them: the `weight` (n,) of each, times the difference of both squared distances in units of the largest
-    one that counts (as in MSAC: Torr and Zisserman, Comput. Vis. Image Underst. 78, 2000). So a small pillar is worth
-    more than a long straight wall, and than a circle through two objects. `cells` (n,) [m] are the resolution cells of
-    the echoes.
+    Three echoes propose a circle. It is worth what it gains over the straight line through its heaviest unbroken row of
+    echoes, ``sum of w (min(l / h, 1)^2 - (c / h)^2)``: w is the `weight` (n,) of an echo, l and c are its distances
+    from the line and from the circle, and h is half of `NEAR` cells (as in MSAC: Torr and Zisserman, Comput. Vis. Image
+    Underst. 78, 2000). So a small pillar is worth more than a long straight wall, and than a circle through two
+    objects. `cells` (n,) [m] are the resolution cells of the echoes.
     """
     cell = float(np.median(cells))
     seeds = random.choice(len(points), PROPOSALS, p=weight / weight.sum())
@@ -117,14 +117,8 @@ def _most_bent(middle, radius, beside, on_it, order, votes, points, weight, cell
         angle = np.arctan2(offset[:, 1], offset[:, 0]) - towards
         along = radius[i] * ((angle + np.pi) % (2.0 * np.pi) - np.pi)
         voters, along = voters[np.argsort(along)], np.sort(along)
-        start, first, last, heaviest, total = 0, 0, 0, 0.0, 0.0
-        for k in range(voters.size):
-            if k and along[k] - along[k - 1] > GAP_CELLS * max(cells[voters[k - 1]], cells[voters[k]]):
-                start, total = k, 0.0
-            total += weight[voters[k]]
-            if total > heaviest:
-                first, last, heaviest = start, k + 1, total
-        row = voters[first:last]
+        first, end, heaviest = heaviest_run(along, cells[voters], weight[voters])
+        row = voters[first:end]
         if row.size < FEWEST:
             continue
         share = weight[row] / heaviest

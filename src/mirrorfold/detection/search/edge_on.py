@@ -121,24 +121,21 @@ def _between(wall: LineMirror, image: LineMirror, view: ImageView) -> list[LineM
         seen = wall.along(reflect(places, crossing, normal))
         if np.mean((seen >= 0.0) & (seen <= wall.length)) >= SEEN_TWICE:
             first, last = view.radar + share[[0, -1], None] * sight[[0, -1]]
-            found.append(_with_errors(LineMirror(first, last), wall, image, crossing, view))
+            found.append(_with_errors(LineMirror(first, last), wall, image, crossing))
     return found
 
 
-def _with_errors(
-    mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: Array, view: ImageView
-) -> LineMirror:
-    """The mirror with its strength, and with its standard errors, which follow from those of the wall and the image.
+def _with_errors(mirror: LineMirror, wall: LineMirror, image: LineMirror, crossing: Array) -> LineMirror:
+    """The mirror with its standard errors, which follow from those of the wall and the image that cross at `crossing`.
 
-    Its angle is the mean of theirs. If it moves by d, the image moves by ``2 d``; only the component of that square to
-    the wall can be measured.
+    Its angle is the mean of theirs. If it moves by d, the image moves by ``2 d``, of which only the component square to
+    the wall can be measured: its offset has half the error of theirs, over the cosine between mirror and wall.
     """
     angle = 0.5 * float(np.hypot(wall.angle_error, image.angle_error))
     across = float(np.abs(mirror.normal @ wall.normal))  # not zero: the lines are not parallel
     moved = 0.5 * float(np.hypot(wall.offset_error, image.offset_error)) / across
     swung = np.radians(angle) * float(np.linalg.norm(mirror.center - crossing))
-    strength = float(np.median(_levels(mirror, view, ON_LINE)))
-    return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, swung)), strength=strength)
+    return replace(mirror, angle_error=angle, offset_error=float(np.hypot(moved, swung)))
 
 
 def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:

@@ -30,8 +30,9 @@ BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
 """Size of a block of a mirror in resolution cells, so large that the speckle of neighbouring blocks is nearly
 independent; and least number of blocks along a direction, from whose differences the standard errors follow."""
 
-KINKS = 13
-"""Number of places at which a kink is tried."""
+KINKS, KINK_SHARES = 13, (0.2, 0.8)
+"""Number of places at which a kink of a row is tried; and the first and last one, as shares of the row's length: a
+shorter part says little of a direction."""
 
 BREAKS, TRIED_BREAKS = (0.1, 0.9), 33
 """First and last place where a row may break into two, as shares of its length; and number of places that are tried."""
@@ -139,7 +140,7 @@ def kink_residual(along: Array, beside: Array, weight: Array) -> float:
     at least a fifth of the row away from either end.
     """
     residual = np.inf
-    for kink in along.min() + np.linspace(0.2, 0.8, KINKS) * np.ptp(along):
+    for kink in along.min() + np.linspace(*KINK_SHARES, KINKS) * np.ptp(along):
         design = np.column_stack([np.ones_like(along), along, np.maximum(along - kink, 0.0)])
         slopes = weighted_fit(design, beside, weight)
         residual = min(residual, float(np.sum(weight * (beside - design @ slopes) ** 2)))

@@ -92,6 +92,13 @@ objects, and says nothing of the face."""
 END_CELLS = 1.5
 """Length that is left out at either end of a wall, in cells: it may show the side of an adjoining wall."""
 
+BEAM_CELLS, BEAM_SAMPLES = 2.5, 161
+"""Distance to either side, in resolution cells, over which the power of a beam is summed up, and number of samples: it
+holds the main lobe and the first side lobes of an array, each with a dozen samples or more."""
+
+GRAZING = 0.087
+"""Least cosine of an angle of incidence, that of 85 degrees: closer to the wall, the tangent says nothing any more."""
+
 PLACES = 9
 """Number of places on a wall, evenly drawn, for which the profile of the cell is computed."""
 
@@ -229,7 +236,7 @@ def cell_across(mirror: Mirror, view: View, places: Array, spread: float) -> Arr
     """
     depth = spread * STEP * np.arange(-round(LOBE / STEP), round(LOBE / STEP) + 1)
     cosine, tangent = _incidence(mirror, view, places)
-    aside = np.linspace(-2.5, 2.5, 161)
+    aside = np.linspace(-BEAM_CELLS, BEAM_CELLS, BEAM_SAMPLES)
     cells = 2.0 / view.range_cell / TABLE_STEP
     predicted = np.zeros((len(places), depth.size))
     _through_cell(
@@ -264,9 +271,9 @@ def _through_cell(depth: Array, farther: Array, beam: Array, window: Array, out:
 
 
 def _incidence(mirror: Mirror, view: View, places: Array) -> tuple[Array, Array]:
-    """Cosine and tangent of the angle of incidence at places (n, d) on a mirror, at most 85 degrees, (n,) each."""
+    """Cosine, at least `GRAZING`, and tangent of the angle of incidence at places (n, d) on a mirror, (n,) each."""
     offset = places - view.radar
-    cosine = np.clip(np.abs(offset @ mirror.normal) / np.linalg.norm(offset, axis=1), 0.087, 1.0)
+    cosine = np.clip(np.abs(offset @ mirror.normal) / np.linalg.norm(offset, axis=1), GRAZING, 1.0)
     return cosine, np.sqrt(1.0 - cosine**2) / cosine
 
 
@@ -275,7 +282,7 @@ def _face_decorrelation(mirror: Mirror, view: View, places: Array) -> float:
 
     k is the squared correlation of the extents of a Gaussian cell along the normal and along the wall. Over a depth z,
     the speckle of a face has the correlation ``exp(-(k / (1 - k)) (z / s)^2 / 4)``, with s the standard deviation of
-    the cell across the wall. For a deep wall, ``k / (1 - k)`` is replaced by ``k / (1 - k) + 1``.
+    the cell across the wall. For a slab whose depth has the `variance` v, ``v / (1 + v)`` is added to ``k / (1 - k)``.
     """
     _, tangent = _incidence(mirror, view, places)
     range_, cross = view.range_cell**-2.0, view.cross_cell(places) ** -2.0

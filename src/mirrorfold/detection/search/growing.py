@@ -73,8 +73,7 @@ class Search(ABC, Generic[M]):
     def __init__(self, echoes: Echoes, view: View, minimum_length: float, tested: bool) -> None:
         self.view, self.minimum_length, self.tested = view, minimum_length, tested
         self.every, self.echoes = echoes, proving_echoes(echoes, view)
-        usual = np.median(self.echoes.amplitude) if len(self.echoes) else 1.0
-        self.weight = self.echoes.length * np.minimum(self.echoes.amplitude / usual, CLIP)
+        self.weight = clipped_weight(self.echoes, self.echoes.amplitude)
         self.square = view.squares(self.echoes.position)
         self.random = np.random.default_rng(0)
 
@@ -159,6 +158,19 @@ class Search(ABC, Generic[M]):
                 return None, near
             if i < ROUNDS:
                 normal, center = flat(points[member], self.weight[member] / square[member])
+        judged, member = self._judged(mirror, member)
+        if judged is None:
+            return None, member
+        _, own, across = judged.near(self.view, self.echoes)
+        own &= np.abs(judged.beside(points)) <= across + judged.depth
+        judged = replace(judged, fill=judged.filled(self.view, self.echoes.take(own)))
+        return judged, np.union1d(member, np.flatnonzero(own))
+
+    def _judged(self, mirror: M, member: Index) -> tuple[M | None, Index]:
+        """The mirror with its fill and strength, fitted to the image if it is `tested`, and the numbers of its echoes.
+
+        None in the place of the mirror if it fails a test. The numbers are fewer than `member` if a part was cut off.
+        """
         if not self.long_enough(mirror, self.strong_share if self.tested else 1.0):
             return None, member
         if self.tested and self.bulges(mirror, member):
@@ -166,19 +178,17 @@ class Search(ABC, Generic[M]):
             if straight is None:
                 return None, member
             mirror, member = straight
-        on_it = self.echoes.take(member)
-        mirror = replace(mirror, fill=mirror.filled(self.view, on_it), strength=float(np.median(on_it.amplitude)))
-        if self.tested:
-            if not self.passes(mirror):
-                return None, member
-            fitted = self.refined(mirror)
-            if fitted is None or not self.long_enough(fitted):
-                return None, member
-            mirror = fitted
-        _, own, across = mirror.near(self.view, self.echoes)
-        own &= np.abs(mirror.beside(points)) <= across + mirror.depth
-        mirror = replace(mirror, fill=mirror.filled(self.view, self.echoes.take(own)))
-        return mirror, np.union1d(member, np.flatnonzero(own))
+        mirror = mirror.with_echoes(self.view, self.echoes.take(member))
+        if not self.tested:
+            return mirror, member
+        fitted = self.refined(mirror) if self.passes(mirror) else None
+        return (fitted if fitted is not None and self.long_enough(fitted) else None), member
+
+
+def clipped_weight(echoes: Echoes, usual: Array) -> Array:
+    """Weight of each echo, (n,): ``length min(amplitude / median(usual), CLIP)``, with `usual` (m,) amplitudes."""
+    median = np.median(usual) if usual.size else 1.0
+    return np.asarray(echoes.length * np.minimum(echoes.amplitude / median, CLIP))
 
 
 def _square_to(spans: list[Array]) -> Array:

@@ -19,7 +19,7 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.search.circles import arc_over
-from mirrorfold.detection.search.fit import block_covariance, flat, robust_weights, weighted_fit
+from mirrorfold.detection.search.fit import KINK_SHARES, block_covariance, flat, robust_weights, weighted_fit
 from mirrorfold.detection.views.image_view import ImageView
 
 SIGNIFICANT = 4.0
@@ -30,7 +30,7 @@ STEP = 1e-4
 """Step of numerical derivatives, as a share of the unit in which a parameter is counted (`scale`)."""
 
 JOINTS = 25
-"""Number of places at which the joint of an S is tried."""
+"""Number of places at which the joint of an S is tried, between the `KINK_SHARES` of its length."""
 
 Halves = tuple[ArcMirror, ArcMirror]
 Measured = tuple[Array, Array]
@@ -78,7 +78,7 @@ def s_shaped(points: Array, weight: Array, radar: Array) -> Halves | None:
     chord = -turned(normal)
     along, beside = (points - center) @ chord, (points - center) @ normal
     least, best = np.inf, None
-    for joint in along.min() + np.linspace(0.2, 0.8, JOINTS) * np.ptp(along):
+    for joint in along.min() + np.linspace(*KINK_SHARES, JOINTS) * np.ptp(along):
         design = np.column_stack(
             [np.ones_like(along), along - joint, 0.5 * (along - joint) ** 2, 0.5 * np.maximum(along - joint, 0.0) ** 2]
         )

@@ -7,7 +7,7 @@ sheet of echoes. Whether it is a mirror or a round object is decided later, by t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,7 +24,7 @@ from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.search.arcs import BULGE_CELLS, SIGNIFICANT
 from mirrorfold.detection.search.circles import LARGEST_CELLS, REACH_CELLS, SMALLEST_CELLS
 from mirrorfold.detection.search.fit import robust_weights, weighted_fit
-from mirrorfold.detection.search.growing import CLIP, NEAR, drawn
+from mirrorfold.detection.search.growing import NEAR, clipped_weight, drawn
 from mirrorfold.detection.search.planes import SMALLEST_FILL, largest_sheet
 from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
@@ -77,7 +77,8 @@ that are found; rounds of growth; and steps of each fit."""
 
 def find_round_sheets(view: VolumeView, echoes: Echoes) -> list[RoundMirror]:
     """Cylinders and spheres among visible echoes that are all seen by way of the same mirrors, most votes first."""
-    return _SheetSearch(echoes.take(echoes.visible), view).find()
+    echoes = echoes.take(echoes.visible)
+    return _SheetSearch(echoes, view).find() if len(echoes) >= FEWEST else []
 
 
 def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurface, Array, Array]:
@@ -109,22 +110,17 @@ def fitted(shape: RoundSurface, points: Array, weight: Array) -> tuple[RoundSurf
     return shape, trust, design
 
 
-@dataclass
 class _SheetSearch:
     """The search for round sheets among echoes that are all seen by way of the same mirrors."""
 
-    echoes: Echoes
-    view: VolumeView
+    def __init__(self, echoes: Echoes, view: VolumeView) -> None:
+        self.echoes, self.view = echoes, view
+        self.weight = clipped_weight(echoes, echoes.amplitude)
+        self.random = np.random.default_rng(0)
+        self.normal, self.reliable = self._normals()
 
     def find(self) -> list[RoundMirror]:
         """All sheets, that with the most votes first."""
-        if len(self.echoes) < FEWEST:
-            return []
-        echoes, view = self.echoes, self.view
-        usual = np.median(echoes.amplitude)
-        self.weight = np.minimum(echoes.amplitude / usual, CLIP)
-        self.random = np.random.default_rng(0)
-        self.normal, self.reliable = self._normals()
         free, missed, found = self.reliable.copy(), 0, list[RoundMirror]()
         while np.count_nonzero(free) >= FEWEST and missed <= MISSES and len(found) < MOST:
             shape = self._proposed(np.flatnonzero(free))
@@ -134,7 +130,7 @@ class _SheetSearch:
             missed = 0 if mirror is not None else missed + 1
             if mirror is not None:
                 found.append(mirror)
-                free &= ~on_rows([mirror], view, echoes)
+                free &= ~on_rows([mirror], self.view, self.echoes)
             if not free[member].any() and mirror is None:
                 break
             free[member] = False
@@ -238,15 +234,22 @@ class _SheetSearch:
         bulge = shape.radius - np.sqrt(shape.radius**2 - half**2)
         if mirror.extent.min() < SHORTEST_CELLS * cell or bulge < BULGE_CELLS * cell:
             return None
-        points, on_it = echoes.position[member], echoes.take(member)
-        beside = shape.beside(points)
-        footprint = DEVIATION * view.extent_each(points, shape.outward(points))
-        if robust_deviation(beside / footprint) > LARGEST_DEVIATION or self._share_off(mirror) > MOST_OFF:
+        points = echoes.position[member]
+        stray = shape.beside(points) / (DEVIATION * view.extent_each(points, shape.outward(points)))
+        if robust_deviation(stray) > LARGEST_DEVIATION or self._share_off(mirror) > MOST_OFF:
             return None
+        mirror = self._with_errors(mirror, points, trust, design).with_echoes(view, echoes.take(member))
+        certain = mirror.curvature > SIGNIFICANT * mirror.curvature_error and self._has_glint(mirror)
+        return self._extended(mirror) if certain and mirror.fill >= SMALLEST_FILL else None
+
+    def _with_errors(self, mirror: RoundMirror, points: Array, trust: Array, design: Array) -> RoundMirror:
+        """The mirror with the standard errors of its fit to points (n, 3); `trust` and `design` are as in `_judged`."""
+        shape = mirror.shape
         # Echoes within a resolution cell stray together, and count as one.
-        share = len(member) / max(view.cell_numbers(points).max() + 1.0, 1.0)
+        share = len(points) / max(self.view.cell_numbers(points).max() + 1.0, 1.0)
         bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
-        variance = bread * float(np.sum(trust * beside**2)) / max(len(member) / share - design.shape[1], 1.0)
+        squares = float(np.sum(trust * shape.beside(points) ** 2))
+        variance = bread * squares / max(len(points) / share - design.shape[1], 1.0)
         base = shape.base
         count = len(base)
         at = np.concatenate([np.zeros(count), [1.0], np.zeros(design.shape[1] - count - 1)])
@@ -255,16 +258,12 @@ class _SheetSearch:
         turn = np.linalg.eigvalsh(tangents @ variance[:count, :count] @ tangents.T)[-1] / shape.radius**2
         if count == 2:
             turn += np.linalg.eigvalsh(variance[count + 1 :, count + 1 :])[-1]
-        mirror = replace(
+        return replace(
             mirror,
             offset_error=float(np.sqrt(max(at @ variance @ at, 0.0))),
             angle_error=float(np.degrees(np.sqrt(max(turn, 0.0)))),
             curvature_error=float(np.sqrt(variance[count, count])) / shape.radius**2,
-            fill=mirror.filled(view, on_it),
-            strength=float(np.median(on_it.amplitude)),
         )
-        certain = mirror.curvature > SIGNIFICANT * mirror.curvature_error and self._has_glint(mirror)
-        return self._extended(mirror) if certain and mirror.fill >= SMALLEST_FILL else None
 
     def _share_off(self, mirror: RoundMirror) -> float:
         """Share of the mirror's beams with echoes in which the brightest echo does not lie on the surface."""

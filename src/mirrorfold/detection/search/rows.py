@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index, Mask
 
 GAP_CELLS = 3.0
@@ -13,16 +14,27 @@ GAP_CELLS = 3.0
 
 
 def heaviest_row(position: Array, cell: Array, weight: Array) -> Index:
-    """Numbers of the echoes of the unbroken row that has the most weight.
+    """Numbers of the echoes of the unbroken row that has the most `weight` (n,), in the order of their positions.
 
     `position` (n,) [m] are the echoes' positions along a line, and `cell` (n,) [m] the extents of the resolution cell
     along it.
     """
     order = np.argsort(position)
-    position, cell = position[order], cell[order]
-    gap = np.diff(position) > GAP_CELLS * np.maximum(cell[:-1], cell[1:])
-    row = np.concatenate([[0], np.cumsum(gap)])
-    return order[row == np.argmax(np.bincount(row, weights=weight[order]))]
+    first, end, _ = heaviest_run(position[order], cell[order], weight[order])
+    return order[first:end]
+
+
+@njit(nogil=True, error_model="numpy")
+def heaviest_run(position, cell, weight):  # type: ignore[no-untyped-def]
+    """`heaviest_row` of echoes by rising `position` (n,) [m]: its first echo, the one after its last, its weight."""
+    start, first, end, heaviest, total = 0, 0, 0, 0.0, 0.0
+    for k in range(position.size):
+        if k and position[k] - position[k - 1] > GAP_CELLS * max(cell[k - 1], cell[k]):
+            start, total = k, 0.0
+        total += weight[k]
+        if total > heaviest or start == first:
+            first, end, heaviest = start, k + 1, total
+    return first, end, heaviest
 
 
 def longest_run(mask: Mask) -> slice | None:

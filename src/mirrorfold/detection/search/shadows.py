@@ -116,6 +116,7 @@ def goes_on(gap: LineMirror, view: ImageView) -> bool:
     lobes = ratio_of(SIDE_LOBE_MARGIN_DB) * _lobes(*on_line, view)
     power[power[:, BESIDE_SAMPLES] <= lobes**2, BESIDE_SAMPLES] = 0.0
     level = np.log(np.maximum(power, max(SPECKLE_FLOOR * gap.strength**2, np.finfo(float).tiny))).mean(axis=0)
+    # The mean over a line of n cells has the variance ``1 / n``, that over two cells beside it half as much.
     brighter = level[BESIDE_SAMPLES] - max(level[:BESIDE_SAMPLES].mean(), level[-BESIDE_SAMPLES:].mean())
     return bool(brighter > SIGNIFICANT * SPECKLE_SPREAD * np.sqrt(1.5 / cells))
 

@@ -29,16 +29,9 @@ within so many range cells of each other. Speckle moves the echoes of a surface 
 
 
 def are_side_lobes(row: Echoes, weight: Array, view: ImageView) -> bool:
-    """Whether most of a row may be side lobes of brighter echoes beyond its ends.
+    """Whether most of a row, by the `weight` (n,) of its echoes, may be side lobes of brighter echoes beyond its ends.
 
     A bright echo in the row itself does not count: a wall that faces the radar shows a glint, and stands at one range.
-
-    Parameters
-    ----------
-    row : Echoes
-    weight : (n,) array
-        The weight of each of its echoes.
-    view : ImageView
     """
     if not len(row):
         return False

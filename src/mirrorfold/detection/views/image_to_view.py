@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -91,20 +92,11 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     pixel = max(x[1] - x[0], y[1] - y[0])
     nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
     farthest = float(np.linalg.norm(corners, axis=1).max())
-    points = int(attrs.get("frequency_points", 0))
-    aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
+    known = _known_cell(attrs)
     wavelength = ambiguous = np.inf
     weights = np.zeros(0)
-    if points > 1 and aperture.max() > 0.0:
-        low, high = attrs["frequency_start"], attrs["frequency_stop"]
-        speed = float(attrs.get("wave_speed", speed_of_light))
-        wavelength = speed / (0.5 * (low + high))
-        weights = _weights(attrs.get("taper", "hann"), points)
-        range_cell = cell_of(weights) * 0.5 * speed / ((high - low) * points / (points - 1))
-        aperture /= wavelength
-        if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
-            aperture = np.array([aperture.sum(), 0.0])
-        u_cell = uniform_cell(*aperture) * _widening(attrs.get("apodization", "uniform"))
+    if known is not None:
+        range_cell, u_cell, aperture, wavelength, weights = known
         # A scene beyond the ambiguous range is seen over one ambiguous range, from its nearest pixel on. Any other view
         # ends a cell before the ambiguous range, where the main lobe of what stands at the radar itself begins anew.
         ambiguous = float(attrs.get("ambiguous_range", np.inf))
@@ -139,6 +131,28 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
                      ambiguous if nearest < ambiguous else np.inf, height=height, window=weights)  # fmt: skip
     return view, (x, y)
+
+
+def _known_cell(attrs: dict[Any, Any]) -> tuple[float, float, Array, float, Array] | None:
+    """The resolution cell of a radar, as the attributes of its image tell; None if they do not.
+
+    Returns its width in range [m] and in u, the lengths of the transmitting and of the receiving array in wavelengths,
+    (2,), the wavelength [m], and the weights over frequency (n,), empty if these are not known.
+    """
+    points = int(attrs.get("frequency_points", 0))
+    aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
+    if points <= 1 or aperture.max() <= 0.0:
+        return None
+    low, high = attrs["frequency_start"], attrs["frequency_stop"]
+    speed = float(attrs.get("wave_speed", speed_of_light))
+    wavelength = speed / (0.5 * (low + high))
+    weights = _weights(attrs.get("taper", "hann"), points)
+    range_cell = cell_of(weights) * 0.5 * speed / ((high - low) * points / (points - 1))
+    aperture /= wavelength
+    if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
+        aperture = np.array([aperture.sum(), 0.0])
+    u_cell = uniform_cell(*aperture) * _widening(attrs.get("apodization", "uniform"))
+    return range_cell, u_cell, aperture, wavelength, weights
 
 
 def _widening(apodization: ArrayLike) -> float:

@@ -26,6 +26,10 @@ from mirrorfold.detection.views.view import View
 SAMPLES_PER_CELL = 3
 """Polar samples per resolution cell: amplitude, unlike the complex image, has twice the image's bandwidth."""
 
+SPLINE_MARGIN = 16
+"""Pixels around the places of an interpolation from which cubic splines are computed. The influence of a pixel falls by
+``2 - sqrt(3)`` from one to the next, to 1e-9 over the margin."""
+
 COVERED_CELLS = 0.75
 """Half-width of the shadow of an object, in resolution cells: there the beam has fallen by 14 dB. With a whole cell, up
 to the nulls of the beam, two small objects side by side would each hide half of what the radar shows of both."""
@@ -213,7 +217,7 @@ class ImageView(View):
         """Length [m] of the row of echoes of a smooth wall that faces the array; infinite where the array is not known.
 
         A transmitter and a receiver see such a wall at the middle between the two. So the row is as long as the mean of
-        both arrays.
+        both arrays, ``wavelength (D_tx + D_rx) / 2``.
         """
         return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
 
@@ -269,8 +273,8 @@ class ImageView(View):
         places = self.to_points(range_[:, None] + depth, np.broadcast_to(u[:, None], (u.size, depth.size)))
         pixel = [(places[..., 1] - y[0]) / (y[1] - y[0]), (places[..., 0] - x[0]) / (x[1] - x[0])]
         # Only the part of the image around these places is used; its carrier is removed before the interpolation.
-        low = [max(int(np.floor(axis.min())) - 16, 0) for axis in pixel]
-        high = [int(np.ceil(axis.max())) + 17 for axis in pixel]
+        low = [max(int(np.floor(axis.min())) - SPLINE_MARGIN, 0) for axis in pixel]
+        high = [int(np.ceil(axis.max())) + SPLINE_MARGIN + 1 for axis in pixel]
         part = image.values[low[0] : high[0], low[1] : high[1]]
         across, ahead = x[low[1] : high[1]] - self.radar[0], y[low[0] : high[0]] - self.radar[1]
         distance = np.sqrt(across[None, :] ** 2 + ahead[:, None] ** 2 + self.height**2)

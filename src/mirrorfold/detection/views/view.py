@@ -67,7 +67,7 @@ class View(ABC):
 
     @property
     def range_unit(self) -> float:
-        """The inverse of the band as a distance, c/(2B) [m], on which side lobes in range depend."""
+        """``c / (2 B)`` [m], with the bandwidth B: the unit in which the side lobes of a window are given."""
         return self.range_cell / cell_of(self.window)
 
     @property
@@ -105,7 +105,7 @@ class View(ABC):
 
     @abstractmethod
     def beam_power(self, aside: Array) -> Array:
-        """Power of an echo beside a line of sight, at the distance `aside` in units of `cross_cell`, over one on it."""
+        """Two-way power pattern of the beam, 1 on its axis; `aside` is the distance from that in `cross_cell`s."""
 
     @abstractmethod
     def object_depth(self, range_: Array) -> Array:
@@ -127,7 +127,7 @@ class View(ABC):
 
     @property
     def covered_angle(self) -> float:
-        """Half-width [rad] of the shadow of an object: how far beside its direction it hides what is behind it."""
+        """How far beside its direction, along one of the `axes`, an object hides what is behind it."""
         return 0.0
 
     def looks_at(self, echoes: Echoes) -> Mask:
@@ -145,7 +145,7 @@ class View(ABC):
 
     @property
     def steps(self) -> Array:
-        """Angle [rad] from one direction to the next along each axis."""
+        """Step from one direction to the next along each of the `axes`, (axes,): of u, or in [rad]."""
         return np.array([(axis[-1] - axis[0]) / (axis.size - 1) for axis in self.axes])
 
     def indices(self, points: ArrayLike) -> tuple[Array, Array]:
@@ -161,7 +161,7 @@ class View(ABC):
         return range_, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), self.shape, mode="clip"), inside
 
     def within(self, points: Array, aside: Array | float) -> tuple[Index, Index]:
-        """All pairs of a point (n, d) and a direction less than the angle `aside` [rad] away from it along each axis.
+        """All pairs of a point (n, d) and a direction less than `aside` away from it along each of the `axes`.
 
         The direction nearest to a point is always among them, if it lies in the view. Returns the numbers of the points
         and of the directions, each (pairs,).

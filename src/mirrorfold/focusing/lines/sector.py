@@ -19,10 +19,11 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from mirrorfold.common.threads import Buffers, cpu_count, for_each
+from mirrorfold.common.types import Array
 from mirrorfold.focusing.lines import kernels
 from mirrorfold.focusing.lines.interpolation import weights_at
 from mirrorfold.focusing.lines.lattice import Lattice
-from mirrorfold.focusing.lines.nodes import chebyshev_matrix, find_nodes, remainder
+from mirrorfold.focusing.lines.nodes import Nodes, chebyshev_matrix, find_nodes, remainder
 from mirrorfold.focusing.lines.sector_design import SHARES, SectorDesign
 from mirrorfold.focusing.problem import Problem
 
@@ -71,13 +72,11 @@ class LineArraySector:
             *(float(k[middle]) / pi, 0.5 * design.curvature),
         )
         self.taps = design.range_kernel.coefficients, design.direction_kernel.coefficients
-        lines, rows = design.shape
-        at_w, at_r = design.directions, np.maximum(design.ranges, design.sector.near)
         nodes = find_nodes(problem, lattice, design.sector, SHARES["nodes"] * tolerance, design.slopes)
         self.nodes = nodes.range.size
         self.predicted_error = float(np.hypot(nodes.error, design.interpolation_error))
         # The tables, in the order of the steps of a call.
-        u, _ = lattice.direction(at_w)
+        u, _ = lattice.direction(design.directions)
         position = (k * lattice.pitch * design.cells / pi)[:, None] * u[None, :]
         first_tap, self.weight = weights_at(design.stretch_kernel, position)
         self.cell = (first_tap % design.cells).astype(np.int32)
@@ -88,40 +87,52 @@ class LineArraySector:
         factor = np.exp(1j * nodes.wavenumber * remainders) * (lattice.weight * prefilter)[:, None]
         self.factor = _as_real(factor)
         self.transfer = _as_real(nodes.transfer * problem.taper[:, None, None])
-        n_r, n_w, _ = nodes.value.shape
-        to_r = chebyshev_matrix(nodes.inverse_low, nodes.inverse_high, n_r, 1.0 / at_r)
-        to_w = chebyshev_matrix(float(at_w[0]), float(at_w[-1]), n_w, at_w)
-        inner = np.tensordot(nodes.value, to_r, axes=(0, 1)).transpose(0, 2, 1)  # (w node, row, node)
-        inner = np.ascontiguousarray(inner, dtype=np.complex64).reshape(n_w, -1).view(np.float32)
-        self.value = np.empty((lines, rows, self.nodes), dtype=np.complex64)
-        to_w = to_w.astype(np.float32)
-        turns = float(k[middle]) * design.curvature / (2.0 * pi)
-
-        def tabulate(first: int) -> None:
-            part = slice(first, min(first + LINES_A_BLOCK, lines))
-            value = self.value[part]
-            np.matmul(to_w[part], inner, out=value.reshape(len(value), -1).view(np.float32))
-            value *= np.exp(-2j * pi * turns * (1.0 - u[part, None] ** 2) / at_r)[..., None].astype(np.complex64)
-
-        for_each(tabulate, range(0, lines, LINES_A_BLOCK))
+        self.value = self._values(nodes, u)
         receivers = len(problem.rx)
         if problem.monostatic:
             self.pair, self.partner = lattice.tx, lattice.tx
         else:
             self.pair, self.partner = lattice.tx * receivers + lattice.rx, lattice.rx * receivers + lattice.tx
+        self._make_buffers()
 
+    def _values(self, nodes: Nodes, u: Array) -> NDArray[np.complex64]:
+        """V_q(r, w) at all lines, with cosines `u` (lines,), and rows of the polar grid, (lines, rows, nodes)."""
+        design, k = self.design, self.problem.k
+        at_w, at_r = design.directions, np.maximum(design.ranges, design.sector.near)
+        n_r, n_w, _ = nodes.value.shape
+        to_r = chebyshev_matrix(nodes.inverse_low, nodes.inverse_high, n_r, 1.0 / at_r)
+        to_w = chebyshev_matrix(float(at_w[0]), float(at_w[-1]), n_w, at_w)
+        inner = np.tensordot(nodes.value, to_r, axes=(0, 1)).transpose(0, 2, 1)  # (w node, row, node)
+        inner = np.ascontiguousarray(inner, dtype=np.complex64).reshape(n_w, -1).view(np.float32)
+        found = np.empty((*design.shape, self.nodes), dtype=np.complex64)
+        to_w = to_w.astype(np.float32)
+        turns = float(k[self.middle]) * design.curvature / (2.0 * pi)
+
+        def tabulate(first: int) -> None:
+            part = slice(first, min(first + LINES_A_BLOCK, len(found)))
+            value = found[part]
+            np.matmul(to_w[part], inner, out=value.reshape(len(value), -1).view(np.float32))
+            value *= np.exp(-2j * pi * turns * (1.0 - u[part, None] ** 2) / at_r)[..., None].astype(np.complex64)
+
+        for_each(tabulate, range(0, len(found), LINES_A_BLOCK))
+        return found
+
+    def _make_buffers(self) -> None:
+        """Buffers of the steps of a call, and the number of frequencies that one step takes at a time."""
+        problem, lattice, design = self.problem, self.lattice, self.design
+        frequencies, lines = problem.k.size, design.shape[0]
         # Equal blocks of frequencies, a few for each core, with products so small that BLAS keeps each on one core.
         longest = 2 * int(np.diff(lattice.first).max())
         most = max(1, min(FREQUENCIES_A_BLOCK, SERIAL_PRODUCT // (longest * 2 * self.nodes)))
-        blocks = 2 * cpu_count() * ceil(k.size / (2 * cpu_count() * most))
-        self.block = ceil(k.size / blocks)
+        blocks = 2 * cpu_count() * ceil(frequencies / (2 * cpu_count() * most))
+        self.block = ceil(frequencies / blocks)
         self._gathered = Buffers((self.block * lattice.tx.size,))
         self._summed = Buffers((lattice.points * self.block * 2 * self.nodes,), np.float32)
         at_once = min(self.block, max(1, CACHE_BYTES // (8 * design.cells * self.nodes)))
         self._spectrum = Buffers((at_once, design.cells, self.nodes))
-        self._beams = Buffers((k.size, lines, self.nodes))
+        self._beams = Buffers((frequencies, lines, self.nodes))
         self._profile = Buffers((design.range_cells, LINES_A_BLOCK, self.nodes))
-        self._polar = Buffers((lines, rows))
+        self._polar = Buffers(design.shape)
 
     @property
     def nbytes(self) -> int:

@@ -146,36 +146,10 @@ class Profiles:
         frequency = sweep["frequency"].values.astype(float)
         weights = window(settings.taper, frequency.size, "taper")
         size = int(next_fast_len(int(padding) * frequency.size))
-        step = ambiguous_range(sweep) / size
-        nearest, farthest = limits if limits is not None else (0.0, ambiguous_range(sweep))
-        if not 0.0 <= nearest < farthest <= ambiguous_range(sweep) * (1.0 + 1e-9):
-            raise InputError(
-                f"limits are {nearest:g} to {farthest:g} m, expected rising ranges up to the unambiguous "
-                f"{ambiguous_range(sweep):.3g} m"
-            )
-        first, last = int(np.ceil(nearest / step - 1e-9)), min(int(np.floor(farthest / step + 1e-9)) + 1, size)
-        if last - first < 4:
-            raise InputError(
-                f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them"
-            )
-        range_: Array = step * np.arange(first, last, dtype=float)
+        step, span = ambiguous_range(sweep) / size, _kept(limits, ambiguous_range(sweep), size)
+        range_: Array = step * np.arange(span.start, span.stop, dtype=float)
         turn = np.exp(2j * (wavenumber(sweep)[0] * range_))
         turn *= size * spreading(sweep.attrs, range_, float(frequency.mean()), settings.normalization, "sweep")
-        attrs: dict[str, Any] = {
-            "mirrorfold_kind": "image",
-            "radar_position": radar_position(sweep),
-            "ambiguous_range": ambiguous_range(sweep),
-            "range_resolution": range_resolution(sweep),
-            "frequency_start": float(frequency[0]),
-            "frequency_stop": float(frequency[-1]),
-            "frequency_step": frequency_step(sweep),
-            "frequency_points": int(frequency.size),
-            "wave_speed": wave_speed(sweep),
-            "taper": settings.taper if isinstance(settings.taper, str) else np.abs(weights),
-            "normalization": settings.normalization,
-            **{name: sweep.attrs[name] for name in ("title", "instrument", "spot_radius", "focus_distance")
-               if name in sweep.attrs},
-        }  # fmt: skip
         coords: dict[str, Any] = {
             "range": ("range", range_, {"units": "m"}),
             "azimuth": ("azimuth", sweep["azimuth"].values.astype(float), {"units": "degree"}),
@@ -185,11 +159,11 @@ class Profiles:
             samples=np.moveaxis(sweep["s"].values, 0, -1),
             weights=weights.astype(np.complex64),
             size=size,
-            span=slice(first, last),
+            span=span,
             turn=turn.astype(np.complex64),
             leakage=np.zeros(range_.size, dtype=np.complex64),
             coords=coords,
-            attrs=attrs,
+            attrs=_attrs_of(sweep, settings, weights),
         )
         return replace(found, leakage=found._common()) if remove_leakage else found
 
@@ -237,8 +211,49 @@ class Profiles:
     def volume(self, *, amplitude: bool = False, progress: Progress | None = None) -> xr.DataArray:
         """The volume (range, azimuth, elevation), or only its amplitude, with coordinates and attributes."""
         values = np.moveaxis(self.beams(range(self.shape[0]), amplitude=amplitude, progress=progress), -1, 0)
-        dims = VOLUME
-        return xr.DataArray(values, dims=dims, coords=self.coords, attrs=self.attrs, name="image")
+        return xr.DataArray(values, dims=VOLUME, coords=self.coords, attrs=self.attrs, name="image")
+
+
+def _kept(limits: tuple[float, float] | None, ambiguous: float, size: int) -> slice:
+    """Which of `size` ranges, in equal steps up to the ambiguous range [m], lie within the limits [m].
+
+    Raises
+    ------
+    InputError
+        If the limits are no rising ranges up to the ambiguous one, or too few ranges lie within them.
+    """
+    step = ambiguous / size
+    nearest, farthest = limits if limits is not None else (0.0, ambiguous)
+    if not 0.0 <= nearest < farthest <= ambiguous * (1.0 + 1e-9):
+        raise InputError(
+            f"limits are {nearest:g} to {farthest:g} m, expected rising ranges up to the unambiguous {ambiguous:.3g} m"
+        )
+    first, last = int(np.ceil(nearest / step - 1e-9)), min(int(np.floor(farthest / step + 1e-9)) + 1, size)
+    if last - first < 4:
+        raise InputError(
+            f"limits are {nearest:g} to {farthest:g} m, less than four samples of {step:.2g} m; widen them"
+        )
+    return slice(first, last)
+
+
+def _attrs_of(sweep: xr.Dataset, settings: FocusSettings, weights: NDArray[Any]) -> dict[str, Any]:
+    """Attributes of the volume of a scan, whose frequencies have these weights, (frequencies,)."""
+    frequency = sweep["frequency"].values.astype(float)
+    return {
+        "mirrorfold_kind": "image",
+        "radar_position": radar_position(sweep),
+        "ambiguous_range": ambiguous_range(sweep),
+        "range_resolution": range_resolution(sweep),
+        "frequency_start": float(frequency[0]),
+        "frequency_stop": float(frequency[-1]),
+        "frequency_step": frequency_step(sweep),
+        "frequency_points": int(frequency.size),
+        "wave_speed": wave_speed(sweep),
+        "taper": settings.taper if isinstance(settings.taper, str) else np.abs(weights),
+        "normalization": settings.normalization,
+        **{name: sweep.attrs[name] for name in ("title", "instrument", "spot_radius", "focus_distance")
+           if name in sweep.attrs},
+    }  # fmt: skip
 
 
 def spreading(attrs: dict[Any, Any], range_: Array, frequency: float, normalization: str, source: str) -> Array:

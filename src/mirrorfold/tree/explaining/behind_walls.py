@@ -77,13 +77,7 @@ def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> 
 def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
     """Which of the echoes that are seen by way of a chain of mirrors would stand behind another known wall, (n,).
 
-    Parameters
-    ----------
-    echoes : Echoes
-    chain : tuple of int
-    by_chain : mapping of chain to tuple of Mirror
-        The mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
-    view : View
+    `by_chain` holds the mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
     """
     behind, way = np.zeros(len(echoes), dtype=bool), by_chain[chain]
     if not len(echoes) or any(mirror.curved for mirror in way):

@@ -37,13 +37,7 @@ def copies(order: Order, echoes: Echoes) -> Mask:
     """Which echoes are no stronger than copies of those in front of them, (n,); in a volume none.
 
     Copies by the pulse are sought among all direct echoes; copies by the wall of a mirror, among all echoes that the
-    mirror reflects and those of its face.
-
-    Parameters
-    ----------
-    order : Order
-        Of the mirrors, with the `face` of the same echoes.
-    echoes : Echoes
+    mirror reflects and those of its face. The `order` of the mirrors is that of the same echoes.
     """
     sight, view = order.sight, order.sight.view
     found = np.zeros(len(echoes), dtype=bool)

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Index
-from mirrorfold.detection import Echoes, fold_of
+from mirrorfold.common.types import Index, Mask
+from mirrorfold.detection import Echoes, View, fold_of
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
@@ -28,17 +28,9 @@ FALLEN = ratio_of(-15.0)
 def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     """Number of the mirror through which each echo is seen, corrected beside the ends of mirrors, (n,).
 
-    An echo behind a mirror and less than a beam beside its end is assigned to the mirror, with two exceptions: if it
-    belongs to an object that reaches farther away from that end, or would fold to where the radar's direct view is
-    empty.
-
-    Parameters
-    ----------
-    order : Order
-    echoes : Echoes
-    owner : (n,) array of int
-        Number of the mirror through which each echo is seen by its line of sight, `ROOT` if direct, or `UNSEEN` for
-        echoes that are not of a visible object.
+    `owner` (n,) is that number by the echo's line of sight: `ROOT` if direct, `UNSEEN` for echoes that are not of a
+    visible object. An echo behind a mirror and less than a beam beside its end is assigned to the mirror, unless it
+    belongs to an object that reaches farther away from that end, or would fold to where the direct view is empty.
     """
     sight, view, owner = order.sight, order.sight.view, owner.copy()
     for side in view.beside(echoes.range, echoes.direction, STRONG_SHARE):
@@ -60,15 +52,17 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
 def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     """As `beyond_ends`, for echoes that are seen by way of a mirror, less than a beam before its end, (n,).
 
-    Such an echo is assigned to what is seen beside that end, by way of the mirror's parent or of a mirror before it, if
-    the echoes beyond the end that it touches, at its own range, are brighter, and if no echo of the same object is a
-    beam or more before the end, but for the foot of that beam. Beyond the end may also stand a wall, whose row seems to
-    go on before it.
+    Such an echo is assigned to the way by which the radar sees beside that end, if it is the foot of an object there:
+
+    * the object is brighter beyond the end than before it;
+    * a beam or more before the end, it has no echo above `FALLEN` of its brightest one beyond the end;
+    * at the echo's own range, it touches a brighter echo beyond the end.
+
+    The object beyond the end may also be a wall, whose row seems to go on before it.
     """
     sight, view, corrected = order.sight, order.sight.view, owner.copy()
     if not order.mirrors:
         return corrected
-    same_range = BEHIND_CELLS * view.range_cell
     through, of_wall = sight.seen_through(echoes.range, echoes.direction), order.shown_by(echoes)
     of_wall[~(echoes.visible & echoes.strong) | (order.face < 0)] = UNSEEN
     sides = view.beside(echoes.range, echoes.direction, STRONG_SHARE)
@@ -87,13 +81,20 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
                     continue
                 wall = near & (of_wall == other) & (order.face != mirror)
                 own = np.flatnonzero((owner == other) | here | wall)
-                before = owner[own] == mirror
-                beside = before & (shown[own] == other)
-                place, amplitude = (echoes.range[own], echoes.direction[own]), echoes.amplitude[own]
-                number, level = object_numbers(view, *place), object_numbers(view, *place, depth=same_range)
-                inside, beyond, far = (brightest_of(number, np.where(some, amplitude, 0.0))
-                                       for some in (before, ~before, before & ~beside))  # fmt: skip
-                foot = before & ((beyond > inside) & (far <= FALLEN * beyond))[number]
-                outshone = brightest_of(level, np.where(before, 0.0, amplitude))[level] > amplitude
-                corrected[own[foot & outshone]] = other
+                foot = _foot(view, echoes.take(own), owner[own] == mirror, shown[own] == other)
+                corrected[own[foot]] = other
     return corrected
+
+
+def _foot(view: View, echoes: Echoes, before: Mask, beside: Mask) -> Mask:
+    """Which of the echoes `before` the end of a mirror, (n,), are the foot of an object beyond it, see `before_ends`.
+
+    Those `beside` the end, (n,), are less than a beam away from it.
+    """
+    amplitude, place = echoes.amplitude, (echoes.range, echoes.direction)
+    number, level = object_numbers(view, *place), object_numbers(view, *place, depth=BEHIND_CELLS * view.range_cell)
+    inside, beyond, far = (brightest_of(number, np.where(some, amplitude, 0.0))
+                           for some in (before, ~before, before & ~beside))  # fmt: skip
+    foot = before & ((beyond > inside) & (far <= FALLEN * beyond))[number]
+    outshone = brightest_of(level, np.where(before, 0.0, amplitude))[level] > amplitude
+    return np.asarray(foot & outshone)

@@ -33,8 +33,8 @@ CLEARER_DB = 12.0
 """Least difference in amplitude between the two groups of antennas; in full waves it is mostly 20 to 50 dB."""
 
 DIRECTIONS = 8.0
-"""What was measured at an end of a mirror holds for its direction to within one over this number, in every round: for
-another mirror with the same end, the two groups of antennas are others."""
+"""What was measured at an end of a mirror is kept for mirrors whose direction rounds to the same multiples of one over
+this number. Another mirror that ends there, in another direction, divides the antennas otherwise."""
 
 LEAST_ZONES = 3.0
 """Least spread of the antennas in Fresnel zones, where the paths to an echo pass the end of the mirror: an edge bends

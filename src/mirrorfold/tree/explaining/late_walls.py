@@ -50,12 +50,6 @@ def from_late_walls(order: Order, echoes: Echoes) -> Mask:
 
     Up to twice the ambiguous range is searched. Such echoes are as weak as an echo from there would be, and fill a row,
     as a wall does and an object that stands there by chance does not. In a volume, or without an ambiguous range, none.
-
-    Parameters
-    ----------
-    order : Order
-        Of the mirrors.
-    echoes : Echoes
     """
     found, view = np.zeros(len(echoes), dtype=bool), order.sight.view
     if not isinstance(view, ImageView) or not np.isfinite(view.ambiguous):

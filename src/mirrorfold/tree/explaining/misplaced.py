@@ -35,8 +35,8 @@ differ; ten late echoes among several waves had 1.09 to 1.15."""
 LATE, MIXED = "comes from beyond the ambiguous range", "left by one way and came back by another"
 
 GHOST_CELLS, SAME_CELLS = 0.5, 0.1
-"""Largest distance, in resolution cells, at which an echo is the same as a known one; and up to which it is so in
-another cell, too: an image that was kept in a file gives the same echoes but for its phase, which is rounded."""
+"""Largest distance, in resolution cells, at which an echo is taken for a known one: in the same cell, and across the
+border of a cell. The phase of an image that was kept in a file is rounded, which moves echoes a little."""
 
 LIKE_A_CORNER = 1.1
 """Least `corner_ratio` of a right-angled corner. Of 152 bright echoes in 18 sweeps, the vertices of corners had 1.23 to

@@ -31,11 +31,10 @@ it scatters once. The quantile leaves out a few echoes of the face that may be g
 
 BRIGHTEST_SPECKLE_DB, FADED_DB = 10.0, 30.0
 """Largest level of such an echo over the median of the image where the other places of the wall would repeat the same
-object: a rough wall scatters from all of its places alike. The first number is for echoes beside the object's mirror
-image and hardly behind it: one speckle of a thousand exceeds the median by 10 dB, where one of sixteen exceeds it by
-the `OUTSHINES_DB` of `lines_of_sight`. The second is for all others, as where speckle fades, its mean is up to 20 dB
-lower still. There is no limit for a corner: each of its legs is a mirror for those places
-that it looks at squarely."""
+object: a rough wall scatters from all of its places alike. `BRIGHTEST_SPECKLE_DB` is for echoes beside the object's
+mirror image and hardly behind it: one speckle in a thousand exceeds the median by 10 dB. `FADED_DB` is for all others:
+where speckle fades, the median is up to 20 dB lower. A corner has no limit: each of its legs is a mirror for the places
+that it faces squarely."""
 
 WEAKER_DB, FROM_IMAGE_CELLS = -20.0, 2.0
 """Largest level of such an echo over that of the object that it repeats; and its least distance from the object's
@@ -126,14 +125,9 @@ class _Surface:
 
 
 def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
-    """Which echoes are as far behind a place of a rough wall as this place is from another wall, (n,).
+    """Which echoes are as far behind a place of a rough wall as this place is from another `wall`, (n,).
 
-    Parameters
-    ----------
-    wall : (2, 2) array [m]
-        Ends of the other wall.
-    rough : _Surface
-    echoes : Echoes
+    That wall is given by its ends, (2, 2) [m].
     """
     distance, beyond = square_distances(rough.places, wall)
     at, off = rough.of(echoes), EXPECTED_CELLS * rough.view.range_cell

@@ -31,16 +31,10 @@ SEEN_PAST = 0.5
 def levels_behind(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, view: View) -> Array:
     """Amplitude up to which echoes behind each echo of objects may be multiple scattering of them, (n,).
 
-    These are the `hiding_levels`; of objects that cast no shadow, at most `OUTSHINES_DB` over the echo itself.
-
-    Parameters
-    ----------
-    objects, mirrors, crossing, view
-        See `cast_no_shadow`.
+    These are the `hiding_levels`; of objects that `cast_no_shadow`, at most `OUTSHINES_DB` over the echo itself.
     """
-    outshone = np.where(
-        cast_no_shadow(objects, mirrors, crossing, view), ratio_of(OUTSHINES_DB) * objects.amplitude, np.inf
-    )
+    shadowless = cast_no_shadow(objects, mirrors, crossing, view)
+    outshone = np.where(shadowless, ratio_of(OUTSHINES_DB) * objects.amplitude, np.inf)
     return np.minimum(hiding_levels(objects, view), outshone)
 
 
@@ -49,14 +43,8 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
 
     The answer is the same for all echoes of one object. A mirror counts only if most of it is seen past all objects:
     otherwise it may be an image that these reflect, as behind a wall that is seen edge-on. In a volume, none.
-
-    Parameters
-    ----------
-    objects : Echoes
-    mirrors : sequence of Mirror
-    crossing : (mirrors, directions) array [m]
-        Range at which each line of sight meets each mirror; infinite where it misses the mirror.
-    view : View
+    `crossing` (mirrors, directions) [m] is the range at which each line of sight meets each mirror, infinite where it
+    misses the mirror.
     """
     if not isinstance(view, ImageView) or not len(objects) or not mirrors:
         return np.zeros(len(objects), dtype=bool)

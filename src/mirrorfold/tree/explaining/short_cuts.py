@@ -33,12 +33,8 @@ FROM_IMAGE_CELLS = 2.0
 def short_cuts(order: Order, echoes: Echoes) -> Mask:
     """Which echoes stand where brighter objects would appear by a short cut, (n,); in a volume none.
 
-    Parameters
-    ----------
-    order : Order
-        Of the mirrors, with the `face` of the same echoes.
-    echoes : Echoes
-        All of them, also hidden ones: the bright object may be hidden by its own echo by the short cut.
+    The `order` of the mirrors is that of the same echoes. Hidden ones are among them: a bright object may be hidden by
+    its own echo by the short cut.
     """
     found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
     if not isinstance(view, ImageView):

@@ -61,11 +61,6 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
     """Which object echoes of each chain of mirrors went to and fro beside a known object, (n,) each.
 
     The known object may be seen by way of other mirrors than the echo. Curved mirrors and walls are not tested.
-
-    Parameters
-    ----------
-    found : Found
-    view : ImageView
     """
     sight, by_chain, folds = found.sight, found.tree.mirrors_by_chain(), found.tree.folds()
     objects = {node.chain: node.objects for node in found.tree.walk()}

@@ -38,12 +38,6 @@ def wrapping_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) 
     This is the ratio of two coherences, for r + P, r + 2 P, ... over that for r, see `focusing.echoes.coherence`. Each
     is the largest over points, faces and corners, and over the directions into which an echo spreads when it is focused
     at the wrong distance. The ratio is one where waves from farther away do not fit, or do not differ.
-
-    Parameters
-    ----------
-    waves : SweepWaves
-    view : ImageView
-    range_, u : (n,) arrays
     """
     ratio, rest = np.full(range_.size, np.nan), np.arange(range_.size)
     for count in np.unique(waves.counts):
