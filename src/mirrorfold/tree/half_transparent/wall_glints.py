@@ -30,7 +30,6 @@ from mirrorfold.tree.half_transparent.panes import (
     OTHER_SHARE,
     PERMITTIVITY,
     THICKEST,
-    THINNEST,
     Pairs,
     Pane,
     Spectra,
@@ -54,6 +53,9 @@ OVERLAP = 4.0, 1.5
 
 TRIED, STEP = 12, 0.4
 """Number of permittivities that are tried first; and step of the phase of one way through the wall and back [rad]."""
+
+QUARTER_WAVE = np.pi
+"""Phase of one way through the thinnest wall that is tried first, and back [rad]. A thinner one has no fringe."""
 
 FACES = (0.03, 0.0), (0.02, 0.2)
 """Pairs of a loss tangent and a roughness of the faces (rms height times wavenumber) that are tried first."""
@@ -268,7 +270,7 @@ def _starts(fit: _WallFit) -> list[Array]:
     """
     glints, k = fit.glints, fit.wavenumber
     cell = glints.pairs.cell
-    optical = np.arange(THINNEST * cell, THICKEST * cell, STEP / (2.0 * k))
+    optical = np.arange(QUARTER_WAVE / (2.0 * k), THICKEST * cell, STEP / (2.0 * k))
     trials = np.array([
         (real, loss, width / np.sqrt(real), roughness)
         for real in np.geomspace(*PERMITTIVITY, TRIED) for loss, roughness in FACES for width in optical
