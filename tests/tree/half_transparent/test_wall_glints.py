@@ -8,7 +8,8 @@ import pytest
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane
 from mirrorfold.tree.half_transparent.transparent import EVIDENCE
-from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls, measured_pane
+from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls
+from mirrorfold.tree.half_transparent.wall_posterior import measured_pane
 
 K = 2.0 * np.pi * np.linspace(117e9, 127e9, 15) / 299792458.0
 TAPER = np.cos(np.pi * np.linspace(-0.42, 0.42, 15)) ** 2
