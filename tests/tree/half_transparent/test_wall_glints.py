@@ -8,7 +8,8 @@ import pytest
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane
 from mirrorfold.tree.half_transparent.transparent import EVIDENCE
-from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls, measured_pane
+from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls
+from mirrorfold.tree.half_transparent.wall_posterior import measured_pane
 
 K = 2.0 * np.pi * np.linspace(117e9, 127e9, 15) / 299792458.0
 TAPER = np.cos(np.pi * np.linspace(-0.42, 0.42, 15)) ** 2
@@ -21,24 +22,26 @@ def gaussian(random, shape):
     return random.standard_normal((*shape, 2)) @ np.array([1.0, 1.0j]) / np.sqrt(2.0)
 
 
-def echoes(eps, thickness, *, rms_height=80e-6, seed=0, passed=PASSED, rough=(), snr_db=20.0, power=-1.0):
+def echoes(
+    eps, thickness, *, rms_height=80e-6, seed=0, passed=PASSED, rough=(), snr_db=20.0, power=-1.0, k=K, cell=0.025
+):
     """Glints of conductors behind a wall, but for those that are rough, with noise in each of 481 frequencies.
 
     An image averages over frequencies and antennas: the noise of 15 samples of a spectrum is that of 481 over 32.
     """
     random = np.random.default_rng(seed)
-    delay = np.exp(2j * random.uniform(-0.01, 0.01, (ANGLE.size, 1)) * (K - K.mean()))
-    scatterer = gaussian(random, (ANGLE.size, 1)) * (K / K.mean()) ** power * delay
-    scatterer[list(rough)] = gaussian(random, (len(rough), K.size))
+    delay = np.exp(2j * random.uniform(-0.01, 0.01, (ANGLE.size, 1)) * (k - k.mean()))
+    scatterer = gaussian(random, (ANGLE.size, 1)) * (k / k.mean()) ** power * delay
+    scatterer[list(rough)] = gaussian(random, (len(rough), k.size))
     level = 10.0 ** (-0.05 * snr_db) / np.sqrt(481.0 / 15.0)
     found = []
     for name, sign in zip(POLARIZATIONS, (1.0, -1.0), strict=True):
-        coefficient = slab(eps, thickness, K, ANGLE[:, None], name, rms_height=rms_height)
+        coefficient = slab(eps, thickness, k, ANGLE[:, None], name, rms_height=rms_height)
         wave = sign * scatterer * np.where(passed[:, None], coefficient[1], coefficient[0]) ** 2 * TAPER
         noise = level * np.sqrt(np.mean(np.abs(wave) ** 2, axis=1))[:, None]
         found.append(wave + noise * gaussian(random, wave.shape))
     te, tm = found
-    pairs = Pairs(te, tm, ANGLE, K, np.full(ANGLE.size, level**2), 5.0, 0.025)
+    pairs = Pairs(te, tm, ANGLE, k, np.full(ANGLE.size, level**2), 5.0, cell)
     return Glints(pairs, te, tm, TAPER, np.arange(ANGLE.size)[:, None] * np.array([10.0, 10.0]))
 
 
@@ -57,6 +60,15 @@ def test_permittivity_and_thickness_of_walls_of_several_materials(eps, thickness
     assert abs(pane.thickness - thickness) < 3.0 * pane.thickness_error + 0.005 * thickness
     assert pane.evidence > EVIDENCE
     np.testing.assert_array_equal(glints.log_odds(pane) > 0.0, PASSED)
+
+
+@pytest.mark.slow
+def test_a_board_much_thinner_than_a_coarse_cell_is_measured():
+    """Between 77 and 81 GHz a board of 4 mm is a wave and a half thick, and a tenth of a range cell."""
+    eps, thickness, k = 2.6 - 0.02j, 4e-3, 2.0 * np.pi * np.linspace(77.3e9, 80.7e9, 15) / 299792458.0
+    pane = measured_pane(echoes(eps, thickness, rms_height=50e-6, k=k, cell=0.075), NOTHING)
+    assert abs(pane.permittivity.real - eps.real) < 3.0 * pane.permittivity_error < 0.1 * eps.real
+    assert abs(pane.thickness - thickness) < 3.0 * pane.thickness_error < 0.1 * thickness
 
 
 @pytest.mark.slow

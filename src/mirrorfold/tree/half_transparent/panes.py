@@ -321,10 +321,10 @@ def _polished(pairs: Pairs, eps: complex, thickness: float) -> tuple[Array, floa
     corners = np.concatenate([np.zeros((1, 3)), np.diag([2.0, 2.0, 2.0])])
     options = {"initial_simplex": corners, "maxiter": 150, "xatol": 0.01, "fatol": 0.01}
     found = minimize(cost, np.zeros(3), method="Nelder-Mead", options=options)
-    return start + found.x * scale, -float(found.fun), covariance(cost, found.x) * np.outer(scale, scale)
+    return start + found.x * scale, -float(found.fun), _covariance(cost, found.x) * np.outer(scale, scale)
 
 
-def covariance(cost: Callable[[Array], float], at: Array, *, step: float = 0.3, least: float = 1e-6) -> Array:
+def _covariance(cost: Callable[[Array], float], at: Array, step: float = 0.3, least: float = 1e-6) -> Array:
     """Covariance of n numbers, (n, n): the inverse of the second derivatives of `cost`, the negative log-likelihood.
 
     Derivatives are differences over twice a `step`. Their eigenvalues are at least `least`: smaller ones mean that the

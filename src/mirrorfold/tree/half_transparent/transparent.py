@@ -25,7 +25,8 @@ from mirrorfold.detection.echoes import noise_limit
 from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
-from mirrorfold.tree.half_transparent.wall_glints import Glints, measured_pane
+from mirrorfold.tree.half_transparent.wall_glints import Glints
+from mirrorfold.tree.half_transparent.wall_posterior import measured_pane
 from mirrorfold.tree.lines_of_sight import Cover
 
 EVIDENCE, AGAINST_METAL = 5.0, 15.0
