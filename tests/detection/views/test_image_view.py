@@ -304,7 +304,7 @@ def test_one_antenna_that_sends_and_hears_resolves_as_one_array_of_twice_the_len
     far = 0.2
     level = {}
     for name, view in (("two", two), ("one", one)):
-        seen = replace(view, amplitude=np.zeros((3, view.u.size)))
+        seen = replace(view, range=view.range[:3], amplitude=np.zeros((3, view.u.size)))
         seen.amplitude[1, view.column(np.array(-0.1))] = 1.0
         level[name] = seen.side_lobes[1, view.column(np.array(-0.1 + far))]
     lobes = np.pi * 0.08 / two.wavelength * far

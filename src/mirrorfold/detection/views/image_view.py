@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.ndimage import map_coordinates, maximum_filter1d, spline_filter
+from scipy.ndimage import map_coordinates, spline_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from mirrorfold.common.types import Array, Complex, Index, Mask
-from mirrorfold.common.windows import side_lobe_envelope
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.views.image_lobes import side_lobes
 from mirrorfold.detection.views.view import View
 
 SAMPLES_PER_CELL = 3
@@ -50,12 +50,6 @@ centroids of power of a wall: a profile reaches over 0.75 cells, and the echo ov
 CORNER_CELLS = 2.0
 """Largest distance of a place from a corner, in range cells and in cells across, at which it is the same: rows are cut
 between two lines of sight, which may meet a steep row more than a cell apart."""
-
-LOWEST_LOBE = 1e-5
-"""Lower side lobes, relative to their echo, do not count: no instrument has a dynamic range of 100 dB."""
-
-LOBE_CELLS = 1.5
-"""Distance from an echo, in resolution cells, at which its side lobes begin."""
 
 LARGEST_SINE = 0.985
 """Largest sine of the angle off broadside (80 degrees): the array does not resolve directions closer to its own
@@ -288,30 +282,35 @@ class ImageView(View):
 
     @cached_property
     def side_lobes(self) -> Array:
-        """Amplitude that side lobes of brighter echoes may reach, at their range and in their direction, (nr, nu).
+        """Amplitude that side lobes of brighter echoes may reach, (nr, nu); see `image_lobes`."""
+        return side_lobes(self)
 
-        The side lobes of a uniform array of D wavelengths have the envelope ``1 / (pi D u)``, one way. So the side
-        lobes of an echo of amplitude A reach ``A / ((pi D_tx du) (pi D_rx du))`` at the distance du. Those in range
-        have the envelope of the window over frequency, if it is known. Both are computed for intervals of distances,
-        which begin at `LOBE_CELLS` and grow by 30 % each, and by 10 % in range, where lobes fall faster.
+    def distance_along(self, place: float) -> Array:
+        """Distance of the samples (nr, nu) of the view from a place along the array, so far from its middle [m]."""
+        range_ = self.range[:, None]
+        return np.sqrt(np.maximum(range_**2 - 2.0 * range_ * place * self.u + place**2, 0.0))
+
+    def from_along(self, place: float) -> ImageView:
+        """The same directions, but with distances from a place along the array, so far from its middle [m], as ranges.
+
+        In a direction u from the middle of the array, the place has the distance d from what stands at the range
+        ``place u + sqrt(d^2 - place^2 (1 - u^2))``.
         """
-        claim = np.zeros_like(self.amplitude)
-        near = max(1, int(LOBE_CELLS * self.u_cell / self.du + 1e-6))
-        while near < self.u.size:
-            far = max(near + 1, int(1.3 * near))
-            tx, rx = (max(1.0, np.pi * length * near * self.du) for length in (self.aperture_tx, self.aperture_rx))
-            _claim(claim, self.amplitude, near, far, 1.0 / (tx * rx))
-            near = far
-        envelope = np.zeros(0)
-        if self.window.size:
-            distance = np.arange(self.range.size) * self.dr / self.range_unit
-            envelope = side_lobe_envelope(self.window, distance)
-        near = max(1, int(LOBE_CELLS * self.range_cell / self.dr + 1e-6))  # whatever rounding left of a whole number
-        while near < envelope.size and envelope[near] > LOWEST_LOBE:
-            far = near + 2 * int(0.05 * near)
-            _claim(claim.T, self.amplitude.T, near, far, float(envelope[near]))
-            near = far + 1
-        return claim
+        if place == 0.0:
+            return self
+        distance = self.range[:, None]
+        range_ = place * self.u + np.sqrt(np.maximum(distance**2 - place**2 * (1.0 - self.u**2), 0.0))
+        return replace(self, amplitude=self.amplitude[self.row(range_), np.arange(self.u.size)])
+
+    @property
+    def places_along(self) -> Array:
+        """Places along the array, from its middle [m], two range cells apart or less.
+
+        Two points at one distance from any place of the array, whose u differ by one, have the same distance from the
+        nearest of these places to within a range cell.
+        """
+        count = int(np.ceil(0.25 * self.glint / self.range_cell)) if np.isfinite(self.glint) else 0
+        return np.linspace(-0.5, 0.5, 2 * count + 1) * self.glint if count else np.zeros(1)
 
     def part_lobes(self, level: Array, aside: Array) -> Array:
         """Largest side lobes, at distances `aside` (n,) in u, of echoes of a `level` (n,) that part of the array sees.
@@ -350,17 +349,3 @@ class ImageView(View):
         """Width of the resolution cell across the line of sight [m]: ``range u_cell / sqrt(1 - u^2)``."""
         range_, u = self.to_polar(points)
         return range_ * self.u_cell / np.sqrt(np.maximum(1.0 - u**2, 1.0 - LARGEST_SINE**2))
-
-
-def _claim(claim: Array, amplitude: Array, near: int, far: int, level: float) -> None:
-    """Raise `claim` (n, m), in place, to `level` times the brightest `amplitude` (n, m) that lies `near` to `far`
-    samples away along the last axis, on either side.
-    """
-    size, count = far - near + 1, claim.shape[1]
-    # The filter looks at a sample, the size // 2 before it, and the rest after it: by one sample less if that is even.
-    even = 1 - size % 2
-    after, before = min(far - size // 2, count), min(near + size // 2, count)
-    seen = np.pad(amplitude, ((0, 0), (0, 1))) if even else amplitude
-    brightest = level * (seen if size == 1 else maximum_filter1d(seen, size, axis=1, mode="constant"))
-    np.maximum(claim[:, after:], brightest[:, : count - after], out=claim[:, after:])
-    np.maximum(claim[:, : count + even - before], brightest[:, before:], out=claim[:, : count + even - before])

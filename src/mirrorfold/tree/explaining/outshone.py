@@ -10,6 +10,8 @@ behind them, and a wall may go on through them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.spatial import cKDTree
@@ -38,9 +40,20 @@ range, too, but is as bright on all sides."""
 
 
 def outshone(objects: Echoes, view: ImageView) -> Mask:
-    """Which objects may be side lobes of brighter echoes at their range, (n,)."""
-    if not len(objects):
-        return np.zeros(0, dtype=bool)
+    """Which objects may be side lobes of brighter echoes at their range, (n,).
+
+    Side lobes have the same distance as their echo from that place along the array where the part that sees the echo
+    begins or ends. This place is not known, so all are tried.
+    """
+    found = np.zeros(len(objects), dtype=bool)
+    for place in view.places_along if len(objects) else ():
+        distance = np.linalg.norm(objects.position - view.radar - place * view.along, axis=1)
+        found |= _outshone(replace(objects, range=distance), view.from_along(place))
+    return found
+
+
+def _outshone(objects: Echoes, view: ImageView) -> Mask:
+    """As `outshone`, with the ranges of objects and view from one place along the array."""
     level, brightest = view.brightest_at(objects.range)
     found = np.asarray(objects.amplitude < level * ratio_of(-OUTSHONE_DB))
     aside = np.abs(view.u[objects.direction] - view.u[brightest])
