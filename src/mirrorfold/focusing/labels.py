@@ -116,10 +116,31 @@ def _measurement(sweep: xr.Dataset, problem: Problem) -> dict[str, Any]:
     }
     if is_monostatic(sweep):
         attrs["monostatic"] = True
+    elif filled := _filled_by_pairs(problem.tx @ along, problem.rx @ along, wave_speed(sweep) / float(frequency[-1])):
+        attrs["filled_aperture"] = filled
     for name in ("title", "instrument"):
         if name in sweep.attrs:
             attrs[name] = sweep.attrs[name]
     return attrs
+
+
+FULL_PITCH = 0.55
+"""Largest distance of antennas without gaps, in the shortest wavelength: a half, and somewhat more for a wide band."""
+
+
+def _filled_by_pairs(tx: Array, rx: Array, wavelength: float) -> float:
+    """Length [m] of the array that pairs of antennas at places `tx` and `rx` (n,) [m] fill, if one side has gaps.
+
+    A virtual array: the transmitters stand one step of the receivers farther apart than these are long, or the reverse.
+    Zero where both sides are without gaps, and where pairs leave gaps or overlap.
+    """
+    tx, rx = np.unique(tx), np.unique(rx)
+    if min(tx.size, rx.size) < 2:
+        return 0.0
+    (fine, short), (coarse, long) = sorted((float(np.diff(side).max()), float(np.ptp(side))) for side in (tx, rx))
+    full = FULL_PITCH * wavelength
+    fits = fine <= full < coarse and abs(coarse - short - fine) <= 0.5 * fine
+    return short + long if fits else 0.0
 
 
 def check_origin(image: xr.DataArray, sweep: xr.Dataset) -> None:

@@ -2,7 +2,9 @@
 
 The side lobes of a uniform array of D wavelengths have the envelope ``1 / (pi D u)``, one way. So the side lobes of an
 echo of amplitude A reach ``A / ((pi D_tx du) (pi D_rx du))`` at the distance du in u. Those in range have the envelope
-of the window over frequency, if it is known.
+of the window over frequency, if it is known. If one array has gaps, which the pairs with the antennas of the other
+fill, its beam has lobes as high as the main one, where that of the other has zeros. Then the lobes of the product fall
+only as ``1 / (pi D u)``, with the length D of the filled array.
 
 The sum over an aperture leaves only what its two ends contribute, and each end keeps an echo at its own distance. So
 the lobes in u lie on two circles, one about each end, and both have half of the amplitude. Where both arrays are
@@ -29,6 +31,9 @@ LOWEST_LOBE = 1e-5
 LOBE_CELLS = 1.5
 """Distance from an echo, in resolution cells, at which its side lobes begin."""
 
+FARTHEST_FILLED = 1.5
+"""Distance in u up to which the lobes of a filled array are claimed in full: at two its main lobe comes again."""
+
 
 def side_lobes(view: ImageView) -> Array:
     """Amplitude that side lobes of brighter echoes may reach, (nr, nu).
@@ -38,7 +43,7 @@ def side_lobes(view: ImageView) -> Array:
     """
     claim = np.zeros_like(view.amplitude)
     _claim_aside(claim, view.amplitude, view, 1.0)
-    if min(view.aperture_tx, view.aperture_rx) == 0.0 and np.isfinite(view.glint):
+    if view.one_way:
         for end in (-0.5 * view.glint, 0.5 * view.glint):
             from_end = np.zeros_like(claim)
             _claim_aside(from_end, view.from_along(end).amplitude, view, 0.5)
@@ -62,7 +67,11 @@ def _claim_aside(claim: Array, amplitude: Array, view: ImageView, share: float) 
     while near < view.u.size:
         far = max(near + 1, int(1.3 * near))
         tx, rx = (max(1.0, np.pi * length * near * view.du) for length in (view.aperture_tx, view.aperture_rx))
-        _claim(claim, amplitude, near, far, share / (tx * rx))
+        fall = tx * rx
+        if view.aperture_filled:  # of places half a wavelength apart, lobes rise again beyond u = 1
+            aside = np.minimum([near * view.du, far * view.du], FARTHEST_FILLED)
+            fall = min(fall, max(1.0, 2.0 * view.aperture_filled * float(np.sin(0.5 * np.pi * aside).min())))
+        _claim(claim, amplitude, near, far, share / fall)
         near = far
 
 

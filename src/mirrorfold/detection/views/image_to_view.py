@@ -129,7 +129,8 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         )
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-                     ambiguous if nearest < ambiguous else np.inf, height=height, window=weights)  # fmt: skip
+                     ambiguous if nearest < ambiguous else np.inf, height=height, window=weights,
+                     aperture_filled=float(attrs.get("filled_aperture", 0.0)) / wavelength)  # fmt: skip
     return view, (x, y)
 
 

@@ -91,6 +91,8 @@ class ImageView(View):
         Whether the noise can be estimated from the image, see `noise_level`.
     height : float [m]
         Of the radar above the plane of the image. Ranges are distances in this plane.
+    aperture_filled : float
+        Length, in wavelengths, of the array that the pairs of antennas fill where one of both arrays has gaps; or zero.
     misplaced : (m, 2) array [m]
         Where the image shows misplaced echoes: the sweep tells that most of their energy came back by another path
         than it went out.
@@ -116,6 +118,7 @@ class ImageView(View):
     ambiguous: float = np.inf
     noisy: bool = True
     height: float = 0.0
+    aperture_filled: float = 0.0
     misplaced: Array = field(default_factory=lambda: np.zeros((0, 2)))
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
     window: Array = field(default_factory=lambda: np.zeros(0))
@@ -214,6 +217,12 @@ class ImageView(View):
         both arrays, ``wavelength (D_tx + D_rx) / 2``.
         """
         return 0.5 * self.wavelength * (self.aperture_tx + self.aperture_rx)
+
+    @property
+    def one_way(self) -> bool:
+        """Whether side lobes fall as slowly as those of one array: of one that is extended, or of a filled one."""
+        one = min(self.aperture_tx, self.aperture_rx) == 0.0 or self.aperture_filled > 0.0
+        return one and bool(np.isfinite(self.glint))
 
     def on_radar(self, points: Array, reach: Array | float) -> Mask:
         """Which points (n, 2) lie at most `reach` [m] from the line of the array, which is as long as `glint`, (n,)."""
