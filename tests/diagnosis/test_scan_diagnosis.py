@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -64,6 +66,25 @@ def test_walls_alone_tell_which_way_range_runs():
     assert "flat" in finding.what
     frames = mf.calibrate.conjugate(sweep).expand_dims(frame=2)
     assert named(frames) == ("range-reversed",)
+
+
+def test_a_complex_volume_of_the_scan_is_never_held():
+    """With the amplitude beside it, it would be three times as large as the samples: range is sampled twice a cell."""
+    azimuth, elevation = np.linspace(-20.0, 20.0, 80), np.linspace(-15.0, 15.0, 60)
+    frequency = 220e9 + 50e6 * np.arange(301)
+    wall = 1.5 / (np.cos(np.radians(azimuth))[:, None] * np.cos(np.radians(elevation)))
+    s = np.exp(-4j * np.pi / speed_of_light * frequency[:, None, None] * wall)
+    sweep = mf.add_noise(
+        mf.make_raster_sweep(s, frequency=frequency, azimuth=azimuth, elevation=elevation), snr_db=40.0, seed=0
+    )
+    assert named(mf.calibrate.conjugate(sweep)) == ("range-reversed",)  # loads kernels, too
+    tracemalloc.start()
+    try:
+        assert named(sweep) == ()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 3 * sweep["s"].nbytes
 
 
 @pytest.mark.slow

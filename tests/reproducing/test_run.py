@@ -134,6 +134,15 @@ def test_what_is_of_another_size_or_program_or_damaged_is_made_again(tmp_path, c
     assert len(COUNTS["one"]) == 4
 
 
+def test_an_experiment_that_lacks_a_picture_keeps_no_other_from_the_index(tmp_path):
+    out = tmp_path / "out"
+    mf.reproduce("one", output=out)
+    (out / "one" / "line.png").unlink()
+    mf.reproduce("two", output=out)
+    assert "(two/page.md)" in (out / "index.md").read_text()
+    assert "one/page.md" not in (out / "index.md").read_text()
+
+
 @pytest.mark.slow
 def test_files_of_someone_else_are_left_alone(tmp_path):
     mine = tmp_path / "two" / "notes.txt"

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.fft import ifft
 
 from mirrorfold.common.beams import beam_radius
 from mirrorfold.common.types import Array
@@ -26,7 +27,9 @@ from mirrorfold.detection.search.planes import find_planes
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.detection.volume_echoes import find_runs
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.focusing import focus
+from mirrorfold.focusing.scans.imaging import amplitude_of_scan
+from mirrorfold.focusing.scans.range_profiles import beams_of
+from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import ambiguous_range, wave_speed
 
 LEAKAGE_SHARE = 0.25
@@ -73,7 +76,7 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     leakage = np.median(s.real, axis=(1, 2)) + 1j * np.median(s.imag, axis=(1, 2))
     by_walls = _by_walls(sweep)
     by_leakage = _by_leakage(np.abs(np.fft.ifft(leakage * taper[:, 0, 0])) ** 2, s)
-    by_beam = _by_beam(np.fft.ifft((s - leakage[:, None, None]) * taper, axis=0), sweep)
+    by_beam = _by_beam(s, leakage, taper, sweep)
     judged = {"waves": bool(by_walls or by_leakage or by_beam), "exchange": False}
     if (by_walls or by_leakage + by_beam) >= 0:
         return [], judged
@@ -96,16 +99,23 @@ def _by_walls(sweep: xr.Dataset) -> int:
     first = sweep.isel(dict.fromkeys(sweep["s"].dims[:-3], 0))
     if min(first["s"].shape) < 4 or not np.any(first["s"].values):
         return 0
-    walls = []
-    for samples in (first["s"], first["s"].conj()):
-        view = to_volume_view(focus(first.assign(s=samples)))
-        echoes = find_runs(view)
-        planes = find_planes(echoes, view, minimum_length=WALL_CELLS * float(view.cell(echoes.range_up_to(0.5))))
-        straight = [plane for plane in planes if plane.angle_error <= STRAIGHT_DEG]
-        walls.append(sum(plane.fill * np.count_nonzero(plane.beams) for plane in straight))
-    if max(walls) <= WALLS_RATIO * min(walls):
+    amplitude = amplitude_of_scan(first, FocusSettings(), None)
+    forward = _beams_on_walls(amplitude)
+    # Conjugated samples move the amplitude from range r to -r, which is R - r with the ambiguous range R.
+    for beams in beams_of(amplitude):  # of one azimuth after the other, in place
+        beams[:, 1:] = beams[:, :0:-1]
+    backward = _beams_on_walls(amplitude)
+    if max(forward, backward) <= WALLS_RATIO * min(forward, backward):
         return 0
-    return 1 if walls[0] > walls[1] else -1
+    return 1 if forward > backward else -1
+
+
+def _beams_on_walls(amplitude: xr.DataArray) -> float:
+    """Number of beams that meet straight walls in a volume (range, azimuth, elevation), gaps in the walls left out."""
+    view = to_volume_view(amplitude)
+    echoes = find_runs(view)
+    planes = find_planes(echoes, view, minimum_length=WALL_CELLS * float(view.cell(echoes.range_up_to(0.5))))
+    return float(sum(one.fill * np.count_nonzero(one.beams) for one in planes if one.angle_error <= STRAIGHT_DEG))
 
 
 def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
@@ -125,10 +135,19 @@ def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
     return 1 if early > late else -1
 
 
-def _by_beam(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> int:
-    """+1 where the beam's width over range fits the range axis as it is, -1 where it fits the reversed one, else 0."""
+def _by_beam(
+    s: NDArray[np.complexfloating], leakage: NDArray[np.complexfloating], taper: Array, sweep: xr.Dataset
+) -> int:
+    """+1 where the beam's width over range fits the range axis as it is, -1 where it fits the reversed one, else 0.
+
+    The samples `s` are (frequencies, azimuths, elevations), the leakage that is common to all beams (frequencies,), and
+    the taper (frequencies, 1, 1).
+    """
     if not {"spot_radius", "focus_distance"} <= set(sweep.attrs):
         return 0
+    profile = s - leakage[:, None, None]
+    profile *= taper
+    profile = ifft(profile, axis=0, overwrite_x=True)
     count = profile.shape[0]
     range_ = np.arange(count) * ambiguous_range(sweep) / count
     wavelength = wave_speed(sweep) / float(sweep["frequency"].values.mean())

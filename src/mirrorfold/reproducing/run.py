@@ -185,12 +185,15 @@ def _names(result: Result) -> list[str]:
 
 
 def _made(output: Path, experiment: Experiment, quick: bool) -> Result | None:
-    """The result in the folder, if the same program made it at the same size and all its files exist; else None."""
-    found = read_result(output / experiment.name / RESULT)
-    if found is None or found.digest != experiment.digest(quick=quick):
-        return None
-    whole = all((output / experiment.name / name).is_file() for name in _names(found))
-    return found if whole else None
+    """The result in the folder, if it is whole and the same program made it at the same size; else None."""
+    found = _whole(output / experiment.name)
+    return found if found is not None and found.digest == experiment.digest(quick=quick) else None
+
+
+def _whole(folder: Path) -> Result | None:
+    """The result in the folder of an experiment, if all its files exist; else None."""
+    found = read_result(folder / RESULT)
+    return found if found is not None and all((folder / name).is_file() for name in _names(found)) else None
 
 
 def read_result(path: Path) -> Result | None:
@@ -202,8 +205,8 @@ def read_result(path: Path) -> Result | None:
 
 
 def write_index(output: Path) -> list[Path]:
-    """Write the index of all results in a folder, in Markdown and as one HTML page; returns both paths."""
-    results = [found for name in EXPERIMENTS if (found := read_result(output / name / RESULT)) is not None]
+    """Write the index of all whole results in a folder, in Markdown and as one HTML page; returns both paths."""
+    results = [found for name in EXPERIMENTS if (found := _whole(output / name)) is not None]
     texts = index_markdown(results), to_html(results, output)
     paths = [output / name for name in INDEX]
     for path, text in zip(paths, texts, strict=True):
