@@ -136,7 +136,7 @@ def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
 
 
 def _by_beam(
-    s: NDArray[np.complexfloating], leakage: NDArray[np.complexfloating], taper: Array, sweep: xr.Dataset
+    s: NDArray[np.complexfloating], leakage: NDArray[np.complexfloating], taper: NDArray[np.floating], sweep: xr.Dataset
 ) -> int:
     """+1 where the beam's width over range fits the range axis as it is, -1 where it fits the reversed one, else 0.
 
