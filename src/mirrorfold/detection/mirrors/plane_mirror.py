@@ -10,7 +10,6 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
 from mirrorfold.detection.views.volume_view import VolumeView
 
-
 SMALLEST_COSINE = 0.087
 """Cosine of 85 degrees, the largest angle of incidence at which a footprint is small against its range."""
 
@@ -43,7 +42,7 @@ class PlaneMirror(BeamMirror):
         return view.meets(self.normal, self.center)
 
     def off_axis(self, view: VolumeView, places: Array) -> Array:
-        """``w^2 / (8 r) (1 - 2 tan^2(a))`` for a beam of radius w that meets the plane at the range r and at an angle a.
+        """``w^2 / (8 r) (1 - 2 tan^2(a))`` for a beam of radius w that meets the plane at range r and angle a.
 
         The range to the plane grows faster on the far side of the footprint than on its near side; but by Lambert's
         law and by spreading, a solid angle returns waves as ``r w^-4``, and less from the far side. Both are of second
