@@ -85,7 +85,7 @@ class _Planes(Search[PlaneMirror]):
         """The mirror, fitted to the volume and moved to the face of the wall; None if no plane fits the centroids."""
         view, beams = self.view, mirror.beams
         mirror, deviation = refined(replace(mirror, beams=inner_beams(mirror, view)), view, *PROFILE)
-        if not np.isfinite(deviation):
+        if not (np.isfinite(deviation) and np.isfinite(mirror.met(view)[beams]).all()):
             return None
         spread = DEVIATION * np.median(view.extent(mirror.places(view), mirror.normal))
         if deviation > LARGEST_DEVIATION * np.hypot(spread, INSIDE_CELLS * view.cell_at(mirror.center)):
