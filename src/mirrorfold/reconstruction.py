@@ -23,6 +23,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arguments import one_of, wrong_kind
+from mirrorfold.common.facts import VOXELS
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
@@ -122,10 +123,10 @@ def fold(
     Parameters
     ----------
     image : (y, x), (z, y, x) or (range, azimuth, elevation) DataArray, or DataTree
-        Complex values or amplitudes. Voxels (z, y, x) are folded as their plan view. Of a Reconstruction, the initial
-        image is folded again. With a leading dimension `frame`, as in a recording, each frame is folded by itself. With
-        a leading dimension `polarization`, the image of TE is folded, and TE and TM together tell which echoes passed
-        through half-transparent walls.
+        Complex values or amplitudes. Voxels (z, y, x) are folded as their plan view, and the sweep does not test their
+        echoes. Of a Reconstruction, the initial image is folded again. With a leading dimension `frame`, as in a
+        recording, each frame is folded by itself. With a leading dimension `polarization`, the image of TE is folded,
+        and TE and TM together tell which echoes passed through half-transparent walls.
     sweep : xarray.Dataset, optional
         The MIMO or synthetic-aperture Sweep that the image was focused from. It tells true echoes from those whose
         waves left and arrived by different ways, which focus where nothing stands.
@@ -289,6 +290,9 @@ class FoldPlan:
 
     def _measured(self, view: View, settings: FoldSettings) -> tuple[Measured, str]:
         """What the sweep tells of the echoes of a view; and why it was not asked, "" if it was or is not at hand."""
+        if self.image.dims == VOXELS:  # the way of an echo depends on its height, which the floor plan does not hold
+            plan = "voxels are folded as their floor plan, as if all walls were upright, and echoes are not tested"
+            return Measured(), plan
         if settings.published or not isinstance(view, ImageView):
             return Measured(), ""
         if abs(view.height) <= view.range_cell:

@@ -102,3 +102,23 @@ def test_beams_that_meet_nothing_are_no_silent_channels(snr_db):
     power = np.mean(np.abs(scan["s"].values) ** 2, axis=0)
     assert np.mean(power < 1e-4 * power.max()) > 0.5
     assert diagnose(scan)[0] == []
+
+
+def far_wall():
+    """A room's back wall, 6.4 m away, in a scan whose ambiguous range is 5 m."""
+    return panel("far", (0.0, 6.4, 0.0), (0.2, -1.0, 0.1), 4.0, 4.0, material="pec", diffuse_fraction=0.8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("near", [True, False])
+def test_a_wall_beyond_the_ambiguous_range_is_told_by_its_narrow_beam(near):
+    """A wall 6.4 m away stands 1.4 m away in the image; it passed for a reversed range axis, or was not told at all."""
+    wall = panel("near", (0.25, 2.0, 0.0), (-0.5, -0.9, 0.0), 0.35, 1.0, material="pec", diffuse_fraction=0.2)
+    scan = {"beams": 61, "points": 1001, "half": 10.0, "spot_radius": 0.017, "focus_distance": 2.4}
+    sweep = mf.simulate(parse_scene(content(*([wall] * near), far_wall(), **scan)), seed=0, snr_db=20.0, force=True)
+    (finding,) = diagnose(sweep)[0]
+    assert finding.name == "wrapped-echoes"
+    assert "5 m" in finding.what
+    if near:  # the same scene in steps that reach to the far wall
+        enough = content(wall, far_wall(), **(scan | {"points": 2201}))
+        assert named(mf.simulate(parse_scene(enough), seed=0, snr_db=20.0)) == ()

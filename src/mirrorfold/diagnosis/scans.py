@@ -1,4 +1,4 @@
-"""Whether the range axis of a raster scan is reversed.
+"""Whether the range axis of a raster scan is reversed, and whether echoes come from beyond the ambiguous range.
 
 All beams of a scanner start at one place, so there is no wavefront across an array to look at. Three other tests tell
 whether range runs forward:
@@ -9,6 +9,9 @@ whether range runs forward:
   ambiguous range, the range axis is reversed.
 * A focused beam is wider, in angle, near the radar than in its focus. How far neighbouring beams see the same speckle
   tells this width at each range.
+
+The width of the beam also tells which echoes have wrapped around: they are seen in a beam as narrow as it is one
+ambiguous range farther away.
 
 Conjugated samples and reversed frequencies give the same image of a scan, range for range, so either repair will do.
 """
@@ -59,12 +62,21 @@ to 1 degree."""
 WALLS_RATIO = 3.0
 """How many times more beams must meet walls with range running one way than with range running the other way."""
 
+FITS, MISFITS = 0.15, 0.3
+"""Logarithm of the ratio of the widths of two beams up to which they agree, and from which on they do not."""
+
+FEWEST_WRAPPED = 8
+"""Least number of range bins whose beam is that of one ambiguous range later: in scans without such echoes none is."""
+
+SURE_OF_WRAPPED = 0.95
+"""Certainty that echoes with such a beam have wrapped around."""
+
 SURE_BY_WALLS, SURE_BY_LEAKAGE, SURE_BY_BEAM, SURE_BY_BOTH = 0.99, 0.95, 0.9, 0.99
 """Certainty of a finding by each test alone, and by leakage and beam width together."""
 
 
 def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
-    """The finding that the range axis of a valid raster scan is reversed, and what could be judged.
+    """The findings on the ranges of a valid raster scan, reversed or too short, and what could be judged.
 
     The two results are those of `mirrorfold.diagnosis.diagnose`. Walls decide where there are any, otherwise leakage
     and the beam width.
@@ -74,11 +86,14 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         return [], {"waves": False, "exchange": False}
     taper = hann(s.shape[0])[:, None, None].astype(np.float32)
     leakage = np.median(s.real, axis=(1, 2)) + 1j * np.median(s.imag, axis=(1, 2))
-    by_walls = _by_walls(sweep)
+    misfits, power = _misfits(_profile(s, leakage, taper), sweep)
+    if wrapped := _wrapped(misfits, sweep):
+        return wrapped, {"waves": True, "exchange": False}
+    by_walls, by_beam = _by_walls(sweep), _by_beam(misfits, power)
     by_leakage = _by_leakage(np.abs(np.fft.ifft(leakage * taper[:, 0, 0])) ** 2, s)
-    by_beam = _by_beam(s, leakage, taper, sweep)
     judged = {"waves": bool(by_walls or by_leakage or by_beam), "exchange": False}
-    if (by_walls or by_leakage + by_beam) >= 0:
+    # Out of focus, pieces of a bulging wall pass for flat ones: walls alone do not contradict the beam.
+    if (by_walls or by_leakage + by_beam) >= 0 or by_walls * by_beam < 0:
         return [], judged
     if by_walls:
         why, sure = "Surfaces are flat only with range running the other way", SURE_BY_WALLS
@@ -135,44 +150,73 @@ def _by_leakage(common: Array, s: NDArray[np.complexfloating]) -> int:
     return 1 if early > late else -1
 
 
-def _by_beam(
-    s: NDArray[np.complexfloating], leakage: NDArray[np.complexfloating], taper: NDArray[np.floating], sweep: xr.Dataset
-) -> int:
-    """+1 where the beam's width over range fits the range axis as it is, -1 where it fits the reversed one, else 0.
+def _profile(
+    s: NDArray[np.complexfloating], leakage: NDArray[np.complexfloating], taper: NDArray[np.floating]
+) -> NDArray[np.complexfloating]:
+    """Range profiles of samples (frequencies, azimuths, elevations), less the leakage that is common to all beams.
 
-    The samples `s` are (frequencies, azimuths, elevations), the leakage that is common to all beams (frequencies,), and
-    the taper (frequencies, 1, 1).
+    The leakage is (frequencies,), the taper (frequencies, 1, 1). No more than one array of this size is made.
     """
-    if not {"spot_radius", "focus_distance"} <= set(sweep.attrs):
-        return 0
     profile = s - leakage[:, None, None]
     profile *= taper
-    profile = ifft(profile, axis=0, overwrite_x=True)
-    count = profile.shape[0]
-    range_ = np.arange(count) * ambiguous_range(sweep) / count
-    wavelength = wave_speed(sweep) / float(sweep["frequency"].values.mean())
+    return np.asarray(ifft(profile, axis=0, overwrite_x=True))
+
+
+def _misfits(profile: NDArray[np.complexfloating], sweep: xr.Dataset) -> tuple[Array, Array]:
+    """Logarithm of the beam's angular width at each range bin over the width that is expected there, (3, bins).
+
+    It is expected at three ranges: as the bins say, with the range axis reversed, and one ambiguous range farther away.
+    NaN where the width is not known. Also the power of the bins, (bins,).
+    """
+    count, farthest = profile.shape[0], ambiguous_range(sweep)
     power = np.mean(np.abs(profile) ** 2, axis=(1, 2))
-    loud = power > ABOVE_NOISE * np.quantile(power, 0.1)
     width = np.full(count, np.nan)
-    for cell in np.flatnonzero(loud):
+    if not {"spot_radius", "focus_distance"} <= set(sweep.attrs):
+        return np.full((3, count), np.nan), power
+    for cell in np.flatnonzero(power > ABOVE_NOISE * np.quantile(power, 0.1)):
         width[cell] = _angular_width(profile[cell], sweep)
-    misfit = []
-    for expected_range in (range_, ambiguous_range(sweep) - range_):
-        place = np.maximum(expected_range, 1e-3)
-        radius = beam_radius(
-            place,
-            spot_radius=float(sweep.attrs["spot_radius"]),
-            focus_distance=float(sweep.attrs["focus_distance"]),
-            wavelength=wavelength,
-        )
-        misfit.append(np.log(width) - np.log(radius / place))
-    usable = np.isfinite(misfit[0]) & np.isfinite(misfit[1])
+    range_ = np.arange(count) * farthest / count
+    place = np.maximum([range_, farthest - range_, range_ + farthest], 1e-3)
+    radius = beam_radius(
+        place,
+        spot_radius=float(sweep.attrs["spot_radius"]),
+        focus_distance=float(sweep.attrs["focus_distance"]),
+        wavelength=wave_speed(sweep) / float(sweep["frequency"].values.mean()),
+    )
+    return np.asarray(np.log(width) - np.log(radius / place)), power
+
+
+def _wrapped(misfits: Array, sweep: xr.Dataset) -> list[Finding]:
+    """The finding that echoes come from beyond the ambiguous range, where the beam says so in enough range bins.
+
+    `misfits` (3, bins) are those of `_misfits`. A bin counts if its beam is too narrow for its own range, and right for
+    one ambiguous range farther away. In a scan with reversed ranges, more bins fit the reversed axis.
+    """
+    too_narrow = misfits[0] < -MISFITS
+    late, backwards = (int(np.count_nonzero(too_narrow & (np.abs(misfits[which]) < FITS))) for which in (2, 1))
+    if late < FEWEST_WRAPPED or late <= backwards:
+        return []
+    farthest = ambiguous_range(sweep)
+    what = (
+        f"At {late} of {np.count_nonzero(np.isfinite(misfits[0]))} ranges the beam is as narrow as {farthest:.3g} m "
+        f"farther away: these echoes come from beyond the ambiguous range of {farthest:.3g} m, and are shown too near."
+    )
+    remedy = "measure again in finer frequency steps, half as large or less"
+    return [Finding("wrapped-echoes", what, SURE_OF_WRAPPED, remedy, by_command=False)]
+
+
+def _by_beam(misfits: Array, power: Array) -> int:
+    """+1 where the beam's width over range fits the range axis as it is, -1 where it fits the reversed one, else 0.
+
+    `misfits` (3, bins) and `power` (bins,) are those of `_misfits`.
+    """
+    usable = np.isfinite(misfits[0]) & np.isfinite(misfits[1])
     if usable.sum() < FEWEST_CELLS:
         return 0
     # The ratio of correlation width to beam width is an unknown constant, the same for both: its log is subtracted.
     weight = power[usable] ** 0.25
     spread = []
-    for one in misfit:
+    for one in misfits[:2]:
         centred = np.clip(one[usable] - np.median(one[usable]), -1.0, 1.0)
         spread.append(float(np.average(centred**2, weights=weight)))
     if abs(spread[0] - spread[1]) < MARGIN * max(spread):

@@ -94,13 +94,21 @@ class BeamMirror(Mirror):
         return view.points(self.met(view)[self.beams], np.flatnonzero(self.beams))
 
     def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
-        """Along its beams, not square to it: a beam gathers echoes from its footprint, which is symmetric about its
-        axis.
+        """Along its beams, not square to it: a beam gathers echoes from its footprint, which is nearly symmetric about
+        its axis. Depths count from where the echoes of a face have their centroid of power, see `off_axis`.
         """
         sight = view.sight[self.beams]
         inward = sight / np.abs(np.sum(sight * self.facing(places)[1], axis=1))[:, None]
-        range_ = np.linalg.norm(places - view.radar, axis=1)[:, None] + np.linalg.norm(inward, axis=1)[:, None] * depth
+        face = np.linalg.norm(places - view.radar, axis=1) + self.off_axis(view, places)
+        range_ = face[:, None] + np.linalg.norm(inward, axis=1)[:, None] * depth
         return inward, view.power_at(range_, np.flatnonzero(self.beams)[:, None])
+
+    def off_axis(self, view: VolumeView, places: Array) -> Array:
+        """By how much [m] the centroid of power of its echoes is farther away than where the axis of a beam meets it.
+
+        `places` (n, 3) [m] are those where the axes meet it; zero where it is not known.
+        """
+        return np.zeros(len(places))
 
     def independent(self, view: VolumeView) -> float:  # type: ignore[override]
         """Number of its beams, divided by the number of beams in a square of one beam radius, which see the same

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, label
+from scipy.ndimage import binary_closing, binary_erosion, binary_fill_holes, binary_opening, label
 
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
@@ -37,6 +37,13 @@ INSIDE_CELLS = 0.065
 DEPTH_CHANGE = 0.15
 """Largest change of the depth of the centroids from one end of a wall to the other, as a share of that depth, as beams
 meet the wall more and more askew: so scattering from inside turns the plane."""
+
+EDGE_FOOTPRINTS = 2.0
+"""Width of the edge of a mirror, in beam radii, of which no plane is fitted: beams show echoes of the mirror up to one
+radius beyond its edge, and the footprint of a beam reaches over one more."""
+
+SMALLEST_INNER = 0.1
+"""Least share of a mirror's beams to which a plane is fitted."""
 
 PROFILE = 1.7, 0.01, 0.01
 """Arguments `reach`, `lobe` and `clip` of `power_centroids` for planes. Unlike `LOBE` of lines, the profiles hold the
@@ -76,9 +83,9 @@ class _Planes(Search[PlaneMirror]):
 
     def refined(self, mirror: PlaneMirror) -> PlaneMirror | None:
         """The mirror, fitted to the volume and moved to the face of the wall; None if no plane fits the centroids."""
-        view = self.view
-        mirror, deviation = refined(mirror, view, *PROFILE)
-        if not np.isfinite(deviation):
+        view, beams = self.view, mirror.beams
+        mirror, deviation = refined(replace(mirror, beams=inner_beams(mirror, view)), view, *PROFILE)
+        if not (np.isfinite(deviation) and np.isfinite(mirror.met(view)[beams]).all()):
             return None
         spread = DEVIATION * np.median(view.extent(mirror.places(view), mirror.normal))
         if deviation > LARGEST_DEVIATION * np.hypot(spread, INSIDE_CELLS * view.cell_at(mirror.center)):
@@ -87,7 +94,19 @@ class _Planes(Search[PlaneMirror]):
         face = replace(mirror, center=mirror.center + front.depth * mirror.normal, depth=max(front.depth, 0.0))
         turned = np.degrees(DEPTH_CHANGE * face.depth / mirror.size)
         angle, offset = np.hypot([mirror.angle_error, mirror.offset_error], [turned, front.error]).tolist()
-        return replace(face, angle_error=angle, offset_error=offset).part_in_beams(view, mirror.beams)
+        return replace(face, angle_error=angle, offset_error=offset).part_in_beams(view, beams)
+
+
+def inner_beams(mirror: PlaneMirror, view: VolumeView) -> Mask:
+    """Its beams whose whole footprint lies on it, (beams,); all, if these are too few to fit a plane to them.
+
+    At an edge, only the inner part of a footprint returns waves: seen askew, this part is nearer at the far end of a
+    wall, and farther away at the near end, which turns the plane. The edge of a scan is none of the mirror.
+    """
+    distance = float(np.linalg.norm(mirror.center - view.radar))
+    steps = int(np.ceil(EDGE_FOOTPRINTS * float(view.width(distance)) / (view.beam_step * distance)))
+    inner = binary_erosion(mirror.beams.reshape(view.shape), iterations=steps, border_value=1).ravel()
+    return inner if np.count_nonzero(inner) >= SMALLEST_INNER * np.count_nonzero(mirror.beams) else mirror.beams
 
 
 def largest_sheet(beam: Index, shape: tuple[int, ...], *, thinnest: int) -> Mask:
