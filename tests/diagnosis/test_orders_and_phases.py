@@ -8,7 +8,8 @@ from instruments import line
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
-from mirrorfold.diagnosis import diagnose
+from mirrorfold.diagnosis import diagnose, physics
+from mirrorfold.diagnosis.wavefronts import wavefronts
 
 FREQUENCY = np.linspace(142e9, 158e9, 96)
 WAVELENGTH = speed_of_light / 150e9
@@ -116,3 +117,16 @@ def test_phases_are_not_judged_where_neighbours_hear_other_echoes(spacing):
         tx = rx = np.sort(random.uniform(-20.0, 20.0, (24, 1)) * WAVELENGTH, axis=0) * [1.0, 0.0, 0.0]
     s = echoes(tx, rx, 8, points=0 if spacing == "noise" else 12)
     assert "element-phases" not in named(sweep(s, tx, rx))
+
+
+def test_what_returns_inside_the_instrument_of_a_moving_antenna_is_no_echo(monkeypatch):
+    """It is a flat wave from near range zero, which looked like one of conjugated samples from the far end."""
+    place = line(90, pitch=0.22 * WAVELENGTH)
+    s = np.einsum("fii->fi", echoes(place, place, 4, points=4))
+    leakage = 100.0 * np.exp(-2j * np.pi * FREQUENCY[:, None] / speed_of_light * 0.1)
+    looked = []
+    monkeypatch.setattr(physics, "wavefronts", lambda *a, **k: looked.append(wavefronts(*a, **k)) or looked[-1])
+    for samples in (s, s + leakage):
+        assert named(mf.make_monostatic_sweep(samples, frequency=FREQUENCY, antenna_position=place)) == []
+    np.testing.assert_array_equal(looked[1].gate, looked[0].gate)
+    np.testing.assert_allclose(looked[1].coherence, looked[0].coherence, atol=0.01)

@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.types import Array
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.wavefronts import IN_PHASE, PAIRS, Wavefronts, in_phase, wavefronts
 from mirrorfold.sweep.pairs import Pairs
@@ -75,7 +74,7 @@ def _direct_share(pairs: Pairs) -> float:
     """
     some = np.random.default_rng(0).permutation(pairs.tx_of.size)[: PAIRS[1]]
     apart = np.linalg.norm(pairs.tx[pairs.tx_of[some]] - pairs.rx[pairs.rx_of[some]], axis=1)
-    aligned: Array = np.fft.ifft(pairs.s[:, some] * np.exp(1j * np.outer(pairs.wavenumber, apart)), axis=0)
+    aligned = np.fft.ifft(pairs.s[:, some] * np.exp(1j * np.outer(pairs.wavenumber, apart)), axis=0)
     total = float(np.sum(np.abs(aligned) ** 2))
     return float(np.sum(np.abs(aligned.sum(axis=1)) ** 2)) / aligned.shape[1] / total if total > 0.0 else 0.0
 

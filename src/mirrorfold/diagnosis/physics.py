@@ -21,7 +21,7 @@ from mirrorfold.diagnosis.neighbours import phase_findings
 from mirrorfold.diagnosis.orders import order_findings
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import CURVATURE_STEP, IN_PHASE, Wavefronts, in_phase, wavefronts
-from mirrorfold.sweep import unit_doubts, wave_speed
+from mirrorfold.sweep import is_monostatic, unit_doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 SUSPECT_PITCH = 15.0
@@ -59,6 +59,10 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         found, judged = sharpness_findings(sweep)
         return found, {"waves": judged, "exchange": False}
     every = pairs_of(sweep)
+    if is_monostatic(sweep):
+        # What returns inside the instrument is the same at all places: a flat wave from range zero, as if time ran
+        # backwards from the end of the ambiguous range.
+        every = replace(every, s=every.s - every.s.mean(axis=1, keepdims=True))
     pairs = on_a_line(every)
     exchange = len(pairs.tx) == len(pairs.rx) and not _abreast(pairs)
     unit = _unit(pairs)

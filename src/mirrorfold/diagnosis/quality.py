@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from mirrorfold.calibration.masking import Bad, find_bad
 from mirrorfold.common.plausible import constant_part
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
-from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of, without_rounding
+from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of, uneven_steps, without_rounding
 
 MASK = "--mask"
 """Option of `mirrorfold calibrate` that masks bad channels and fills in bad frequencies."""
@@ -164,7 +164,8 @@ def _step_findings(sweep: xr.Dataset) -> list[Finding]:
         if _equal(np.diff(np.sort(frequency))):
             what = "The frequencies are in no order; sorted, their steps are equal."
             return [Finding("non-uniform-steps", what, CERTAIN, "--sort-frequencies")]
-        what = f"The frequency steps are not equal: they range from {step.min():g} to {step.max():g} Hz."
+        which = uneven_steps(frequency)
+        what = f"The frequency steps are not equal: {which or f'they range from {step.min():g} to {step.max():g} Hz'}."
         remedy = "resample the sweep to equal steps, or leave out the frequencies that break them"
         return [Finding("non-uniform-steps", what, CERTAIN, remedy, by_command=False)]
     return []
