@@ -382,7 +382,19 @@ def test_falling_and_unequal_frequencies(tmp_path, monkeypatch, sweep):
     np.testing.assert_allclose(mf.load("shuffled-repaired.nc")["s"], sweep["s"])
     gappy = sweep.isel(frequency=[0, 1, 2, 5, 6])
     gappy.to_netcdf("gappy.nc", engine="h5netcdf")
-    assert [finding["name"] for finding in mf.info("gappy.nc")["findings"]] == ["non-uniform-steps"]
+    (found,) = mf.info("gappy.nc")["findings"]
+    assert found["name"] == "non-uniform-steps"
+    missing = ", ".join(f"{one / 1e9:.6g}" for one in sweep["frequency"].values[3:5])
+    assert f"{missing} GHz are missing" in found["what"]
+
+
+def test_a_frequency_that_was_measured_twice_is_named(tmp_path, monkeypatch, sweep):
+    monkeypatch.chdir(tmp_path)
+    sweep.isel(frequency=[0, 1, 2, 2, 3, 4]).to_netcdf("twice.nc", engine="h5netcdf")
+    which = f"{float(sweep['frequency'][2]) / 1e9:.6g} GHz stands twice"
+    assert which in mf.info("twice.nc")["findings"][0]["what"]
+    with pytest.raises(mf.InputError, match=f"expected equal rising steps; {which}: leave one out"):
+        mf.load("twice.nc")
 
 
 @pytest.mark.slow

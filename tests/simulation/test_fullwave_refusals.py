@@ -10,6 +10,7 @@ from fullwave_scenes import STRIP, WALL, scene_of
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
+from mirrorfold.simulation import estimate
 from mirrorfold.simulation.fullwave import sweep as fullwave
 from mirrorfold.simulation.fullwave.estimate import Estimate
 from mirrorfold.simulation.fullwave.preparation import prepare
@@ -143,3 +144,24 @@ def test_too_few_frequencies_for_the_echoes_are_told_with_the_number_needed():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fullwave.warn_of_wrapped_echoes(many)
+
+
+@pytest.mark.parametrize("points", [2, 3, 5])
+def test_with_few_frequencies_near_echoes_do_not_count_as_late_ones(points):
+    """A strip 5 cm away returns nothing from beyond 0.3 m or more, however wide its lobe in so few range bins."""
+    few = scene_of(STRIP, elements=3, points=points)
+    few = replace(few, band=replace(few.band, stop=few.band.start + 0.5e9 * (points - 1)))
+    assert few.band.ambiguous_range > 0.29
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fullwave.warn_of_wrapped_echoes(few)
+
+
+def test_the_warning_of_late_echoes_belongs_to_the_line_that_asked():
+    far = scene_of({"kind": "segment", "start": [-0.01, 0.4], "end": [0.01, 0.4]}, elements=3, points=11)
+    with pytest.warns(UserWarning, match="strong echoes") as caught:
+        estimate(far, solver="fullwave")
+    assert [one.filename for one in caught] == [__file__]
+    with pytest.warns(UserWarning, match="strong echoes") as caught:
+        mf.simulate(far, solver="fullwave")
+    assert [one.filename for one in caught] == [__file__]

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.calibration.repairs import swap_axes
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.physics import IN_PHASE, in_phase
-from mirrorfold.diagnosis.wavefronts import wavefronts
+from mirrorfold.diagnosis.wavefronts import IN_PHASE, in_phase, wavefronts
 from mirrorfold.sweep import antenna_positions
 from mirrorfold.sweep.pairs import on_a_line, pairs_of
 

@@ -17,9 +17,11 @@ from mirrorfold.common.units import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
+from mirrorfold.diagnosis.neighbours import phase_findings
+from mirrorfold.diagnosis.orders import order_findings
 from mirrorfold.diagnosis.sharpness import sharpness_findings
-from mirrorfold.diagnosis.wavefronts import CURVATURE_STEP, Wavefronts, wavefronts
-from mirrorfold.sweep import unit_doubts, wave_speed
+from mirrorfold.diagnosis.wavefronts import CURVATURE_STEP, IN_PHASE, Wavefronts, in_phase, wavefronts
+from mirrorfold.sweep import is_monostatic, unit_doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 SUSPECT_PITCH = 15.0
@@ -31,10 +33,6 @@ GRATING_PITCH = 0.75
 
 RANGE_END = 0.1
 """Share of the ambiguous range, at its end, in which strong echoes suggest that later ones have wrapped around."""
-
-IN_PHASE = 25.0
-"""Smallest median coherence of the gates, relative to that of random phases, at which the positions fit the waves.
-Noise stays below 15, although the largest coherence of all tried directions and curvatures is taken."""
 
 SURE_OF_UNIT = 0.97
 """Certainty that the positions are in another unit, where the waves fit it: hundreds of pairs add up in phase only at
@@ -61,6 +59,10 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         found, judged = sharpness_findings(sweep)
         return found, {"waves": judged, "exchange": False}
     every = pairs_of(sweep)
+    if is_monostatic(sweep):
+        # What returns inside the instrument is the same at all places: a flat wave from range zero, as if time ran
+        # backwards from the end of the ambiguous range.
+        every = replace(every, s=every.s - every.s.mean(axis=1, keepdims=True))
     pairs = on_a_line(every)
     exchange = len(pairs.tx) == len(pairs.rx) and not _abreast(pairs)
     unit = _unit(pairs)
@@ -68,12 +70,15 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         pairs = pairs.scaled(UNITS[unit])
     waves = wavefronts(pairs, exchange=exchange)
     if waves is None or in_phase(waves) < IN_PHASE:
-        if unit is not None:
-            found = [_unit_finding(unit)]
-        else:
-            found = unit_findings(sweep)
-            if not found and "rx" in sweep.dims:
-                found = _far_apart(pairs) or direct_findings(every)
+        found = [_unit_finding(unit)] if unit is not None else unit_findings(sweep)
+        if not found and "rx" in sweep.dims:
+            found = _far_apart(pairs) or direct_findings(every)
+            if not found and waves is not None:
+                found = order_findings(pairs, waves)
+        return found or phase_findings(sweep), {"waves": False, "exchange": False}
+    found = order_findings(pairs, waves) if unit is None else []
+    found = found or phase_findings(sweep)
+    if found:
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     made = explain(pairs, waves)
@@ -196,16 +201,9 @@ def _step(pairs: Pairs) -> float:
     return min(filter(None, (pitch(pairs.tx), pitch(pairs.rx))), default=0.0)
 
 
-def in_phase(waves: Wavefronts) -> float:
-    """Median over the gates of the largest coherence, relative to that of random phases, ``1 / pairs``."""
-    return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
-
-
 def _abreast(pairs: Pairs) -> bool:
     """Whether transmitters and receivers stand at the same places along the array, to a tenth of a wavelength (rms).
 
     Then the paths of pairs are the same after an exchange, or all differ alike: it would be judged by errors alone.
     """
-    offsets = np.concatenate([pairs.tx - pairs.tx.mean(axis=0), pairs.rx - pairs.rx.mean(axis=0)])
-    along = np.linalg.svd(offsets, full_matrices=False)[2][0]
-    return bool(np.sqrt(np.mean(((pairs.tx - pairs.rx) @ along) ** 2)) < 0.1 * pairs.wavelength)
+    return bool(np.sqrt(np.mean(((pairs.tx - pairs.rx) @ pairs.axes[0]) ** 2)) < 0.1 * pairs.wavelength)

@@ -84,6 +84,11 @@ DIRECT_DB = 30.0
 another. The curvature of such waves fits no single distance."""
 
 
+IN_PHASE = 25.0
+"""Smallest median coherence of the gates, relative to that of random phases, at which the positions fit the waves.
+Noise stays below 15, although the largest coherence of all tried directions and curvatures is taken."""
+
+
 @dataclass(frozen=True, eq=False)
 class Wavefronts:
     """How well the echoes of a sweep fit waves of each curvature.
@@ -135,7 +140,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
         Whether to try exchanged transmitters and receivers too.
     """
     places = np.concatenate([pairs.tx, pairs.rx])
-    along = np.linalg.svd(places, full_matrices=False)[2][0]
+    along = pairs.axes[0]
     along = along * (1.0 if along[np.argmax(np.abs(along))] > 0 else -1.0)
     aperture = max(float(np.ptp(pairs.tx @ along)), float(np.ptp(pairs.rx @ along)))
     reach = float(np.linalg.norm(places, axis=1).max())
@@ -192,6 +197,11 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
         along=along,
         ahead=ahead,
     )
+
+
+def in_phase(waves: Wavefronts) -> float:
+    """Median over the gates of the largest coherence, relative to that of random phases, ``1 / pairs``."""
+    return float(np.median(waves.coherence.max(axis=(0, 1, 3)))) * waves.pairs
 
 
 def _gates(profile: Complex64, most: int) -> NDArray[np.int64]:

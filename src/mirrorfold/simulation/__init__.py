@@ -319,10 +319,9 @@ def estimate(
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep
 
-    costs = [
-        estimate_sweep(replace(scene, polarization=one), tolerance=tolerance, seed=seed)
-        for one in _polarizations(scene)
-    ]
+    costs = []
+    for one in _polarizations(scene):
+        costs.append(estimate_sweep(replace(scene, polarization=one), tolerance=tolerance, seed=seed))
     seconds, memory = sum(cost.seconds_per_frequency for cost in costs), max(cost.memory for cost in costs)
     return FullWaveEstimate(
         kind="estimate",

@@ -36,6 +36,7 @@ from mirrorfold.sweep.facts import (
     antenna_positions,
     is_monostatic,
     is_raster,
+    uneven_steps,
     wave_speed,
     without_rounding,
 )
@@ -140,9 +141,14 @@ def _in_equal_steps(sweep: xr.Dataset, refuse: Refuse) -> xr.Dataset:
     even = without_rounding(frequency)
     step = np.diff(even.astype(float))
     if step.size and (step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean()):
+        which = uneven_steps(even.astype(float))
         raise refuse(
             f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; "
-            "sort them or resample to a uniform grid"
+            + (
+                f"{which}: leave one out, or measure what is missing"
+                if which
+                else "sort them or resample to a uniform grid"
+            )
         )
     return sweep if even is frequency else sweep.assign_coords(frequency=sweep["frequency"].copy(data=even))
 

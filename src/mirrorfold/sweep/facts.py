@@ -61,6 +61,41 @@ def without_rounding(frequency: NDArray[Any]) -> NDArray[Any]:
     return even if EXACT * step < moved <= most else frequency
 
 
+def uneven_steps(frequency: Array) -> str:
+    """Which frequencies [Hz] stand twice, or are missing, where their steps are not equal; empty if that is not why.
+
+    Examples
+    --------
+    >>> uneven_steps(1e9 * np.array([76.0, 76.1, 76.1, 76.2])), uneven_steps(1e6 * np.array([4.0, 4.1, 4.2, 4.4, 4.5]))
+    ('76.1 GHz stands twice', '4.3 MHz is missing')
+    >>> uneven_steps(1e9 * np.array([1.0, 2.0, 4.0, 8.0]))
+    ''
+    """
+    rising = np.sort(frequency)
+    step = np.diff(rising)
+    usual = float(np.median(step))
+    count = np.rint(step / usual) if usual > 0.0 else np.zeros(0)
+    if not count.size or np.abs(step - count * usual).max() > STEP_TOLERANCE * usual * count.size:
+        return ""
+    twice = np.unique(rising[1:][count == 0])
+    if twice.size:
+        return f"{_named(twice)} {'stand' if twice.size > 1 else 'stands'} twice"
+    gaps = zip(rising[:-1], count.astype(int), strict=True)
+    missing = np.array([first + usual * n for first, steps in gaps for n in range(1, min(steps, frequency.size))])
+    if not 0 < missing.size < 0.5 * frequency.size:
+        return ""
+    return f"{_named(missing)} {'are' if missing.size > 1 else 'is'} missing"
+
+
+def _named(frequency: Array) -> str:
+    """The first three frequencies [Hz] as text, in the unit that suits them."""
+    unit, size = next(
+        ((unit, size) for unit, size in (("GHz", 1e9), ("MHz", 1e6)) if frequency[0] >= size), ("Hz", 1.0)
+    )
+    more = ", ..." if frequency.size > 3 else ""
+    return f"{', '.join(f'{one / size:.6g}' for one in frequency[:3])}{more} {unit}"
+
+
 def is_raster(sweep: xr.Dataset) -> bool:
     """Whether a sweep is a raster scan, ``s(frequency, azimuth, elevation)``."""
     return isinstance(sweep, xr.Dataset) and "s" in sweep and sweep["s"].dims[-3:] == RASTER_DIMENSIONS

@@ -42,6 +42,12 @@ class Pairs:
         """Wavelength at mid-band [m]."""
         return float(2.0 * np.pi / self.wavenumber.mean())
 
+    @property
+    def axes(self) -> Array:
+        """Unit vectors along the arrays and across them, (3, 3), however far the arrays stand from each other."""
+        offsets = np.concatenate([self.tx - self.tx.mean(axis=0), self.rx - self.rx.mean(axis=0)])
+        return np.asarray(np.linalg.svd(offsets, full_matrices=offsets.shape[0] < 3)[2])
+
     def scaled(self, factor: float) -> Pairs:
         """The same samples with all positions multiplied by a factor."""
         return replace(self, tx=factor * self.tx, rx=factor * self.rx)
@@ -64,8 +70,7 @@ def pairs_of(sweep: xr.Dataset) -> Pairs:
 
 def on_a_line(pairs: Pairs) -> Pairs:
     """The pairs whose antennas stand on one line along the array; for a planar array, those of its middle row."""
-    offsets = np.concatenate([pairs.tx - pairs.tx.mean(axis=0), pairs.rx - pairs.rx.mean(axis=0)])
-    across = np.linalg.svd(offsets, full_matrices=False)[2][1:]
+    across = pairs.axes[1:]
     width = LINE_WIDTH * pairs.wavelength
     near = [_near_middle(places @ across.T, width) for places in (pairs.tx, pairs.rx)]
     if all(mask.all() for mask in near):

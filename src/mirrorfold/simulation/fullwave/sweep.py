@@ -38,6 +38,9 @@ LONGER = 8
 SEARCH_STEPS = 800
 """Largest number of frequency steps of that search: its range resolution may be coarser than that of the sweep."""
 
+LOBE = 2
+"""Number of bins of a range profile, before and behind an echo, over which the Hann window spreads it."""
+
 
 def fullwave_field(
     scene: Scene,
@@ -92,7 +95,7 @@ def fullwave_field(
         system = prepare(scene, tolerance=tolerance, seed=seed)
     cost = estimate(system, frequency.size)
     check_resources(cost, workers=1 if scheduler else workers, folder=checkpoint)
-    warn_of_wrapped_echoes(scene)
+    warn_of_wrapped_echoes(scene, stacklevel=5)  # the line that called `simulate`
     kept = None
     if checkpoint is not None:
         kept = Checkpoint(checkpoint, fingerprint(system, frequency, direct=direct), resume=resume)
@@ -143,7 +146,7 @@ def estimate_sweep(scene: Scene, *, tolerance: float, seed: int) -> Estimate:
     """
     with one_thread():
         system = prepare(scene, tolerance=tolerance, seed=seed)
-    warn_of_wrapped_echoes(scene)
+    warn_of_wrapped_echoes(scene, stacklevel=4)  # the line that called `estimate`
     return estimate(system, scene.band.points)
 
 
@@ -175,21 +178,25 @@ def check_resources(cost: Estimate, *, workers: int, folder: Path | None) -> Non
             )
 
 
-def warn_of_wrapped_echoes(scene: Scene) -> None:
-    """Warn if strong echoes come from beyond the ambiguous range, and say how many frequencies are needed."""
+def warn_of_wrapped_echoes(scene: Scene, *, stacklevel: int = 2) -> None:
+    """Warn if strong echoes come from beyond the ambiguous range, and say how many frequencies are needed.
+
+    `stacklevel` counts the functions up to the line to which the warning belongs, this one included.
+    """
     ambiguous, longest = scene.band.ambiguous_range, longest_strong_echo(scene)
     if longest > ambiguous:
         needed = int(np.ceil((scene.band.stop - scene.band.start) * 2.0 * longest / speed_of_light)) + 1
         warnings.warn(
             f"scene {scene.name!r}: strong echoes come from up to {longest:.2g} m, but {scene.band.points} frequencies "
             f"are unambiguous to {ambiguous:.2g} m alone; use at least {needed} in the same band",
-            stacklevel=2,
+            stacklevel=stacklevel,
         )
 
 
 def longest_strong_echo(scene: Scene) -> float:
     """Range [m] of the farthest strong echo, by a ray simulation with the two outermost antennas; 0 if there is none.
 
+    It is the least range at which this echo can stand: with few frequencies its lobe is as long as the scene.
     Surfaces that are splines are left out, as rays cannot follow them.
     """
     from mirrorfold.simulation.rays.sweep import scattered_field
@@ -210,5 +217,5 @@ def longest_strong_echo(scene: Scene) -> float:
         return 0.0
     strong = np.flatnonzero(profile > ratio_of(STRONG_DB) * profile.max())
     # The last samples hold the spectral leakage of range zero, wrapped around.
-    strong = strong[strong < steps - 2]
+    strong = strong[strong < steps - LOBE] - LOBE
     return float(strong.max(initial=0) * speed_of_light / (2.0 * (steps + 1) * step))
