@@ -17,13 +17,8 @@ class Finding:
     name : str
         A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
         "range-reversed", "nan", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
-<<<<<<< HEAD
-        "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "axes-exchanged",
-        "wrapped-echoes".
-=======
         "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "phase-unit",
-        "time-domain", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases".
->>>>>>> fix3
+        "time-domain", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases", "wrapped-echoes".
     what : str
         A sentence for people.
     sure : float
