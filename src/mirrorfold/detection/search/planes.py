@@ -42,8 +42,9 @@ EDGE_FOOTPRINTS = 2.0
 """Width of the edge of a mirror, in beam radii, of which no plane is fitted: beams show echoes of the mirror up to one
 radius beyond its edge, and the footprint of a beam reaches over one more."""
 
-SMALLEST_INNER = 0.1
-"""Least share of a mirror's beams to which a plane is fitted."""
+SMALLEST_INNER = 0.2
+"""Least share of a mirror's beams to which a plane is fitted: the standard error of the direction grows as the inverse
+of the share, and edges turn planes by three to six standard errors."""
 
 PROFILE = 1.7, 0.01, 0.01
 """Arguments `reach`, `lobe` and `clip` of `power_centroids` for planes. Unlike `LOBE` of lines, the profiles hold the
