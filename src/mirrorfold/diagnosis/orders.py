@@ -16,7 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.diagnosis.findings import Finding
-from mirrorfold.diagnosis.wavefronts import IN_PHASE, PAIRS, Wavefronts, in_phase, wavefronts
+from mirrorfold.diagnosis.wavefronts import (
+    FEWEST_GATES,
+    GATES,
+    IN_PHASE,
+    PAIRS,
+    Wavefronts,
+    in_phase,
+    wavefronts,
+)
 from mirrorfold.sweep.pairs import Pairs
 
 CLEARER = 2.0
@@ -27,6 +35,10 @@ rows reversed."""
 LEAST_SHARE = 0.25
 """Smallest share of the power of an echo that must add up in phase in the other order. Single flat faces ahead of the
 array are symmetric, and reach half of this in a wrong order; direct waves reach a third."""
+
+IN_ORDER = 0.3
+"""Share of the power of an echo that adds up in phase above which no other order is tried: with every other row
+reversed, half of the pairs are in order, and a quarter of the power adds up."""
 
 DIRECT_SHARE = 0.1
 """Largest share of the power in direct waves between the antennas at which echoes decide."""
@@ -51,17 +63,21 @@ def order_findings(pairs: Pairs, waves: Wavefronts) -> list[Finding]:
         In the order as it is.
     """
     shape = len(pairs.tx), len(pairs.rx)
-    if min(shape) < FEWEST or pairs.tx_of.size != shape[0] * shape[1] or in_phase(waves) * CLEARER > waves.pairs:
+    if min(shape) < FEWEST or pairs.tx_of.size != shape[0] * shape[1] or in_phase(waves) > IN_ORDER * waves.pairs:
         return []
     if _direct_share(pairs) > DIRECT_SHARE:
         return []
-    found = {}
-    for name, reorder in _ORDERS.items():
-        tx_of, rx_of = reorder(pairs.tx_of, pairs.rx_of, *shape)
-        other = wavefronts(replace(pairs, tx_of=tx_of, rx_of=rx_of), exchange=False)
-        found[name] = 0.0 if other is None else in_phase(other)
-    best = max(found, key=found.__getitem__)
-    if found[best] < max(IN_PHASE, LEAST_SHARE * waves.pairs, CLEARER * in_phase(waves)):
+
+    def coherent(name: str, gates: int) -> float:
+        tx_of, rx_of = _ORDERS[name](pairs.tx_of, pairs.rx_of, *shape)
+        other = wavefronts(replace(pairs, tx_of=tx_of, rx_of=rx_of), exchange=False, gates=gates)
+        return 0.0 if other is None else in_phase(other)
+
+    # The strongest echoes tell which order may be right, in a tenth of the time that all echoes take.
+    least = max(IN_PHASE, LEAST_SHARE * waves.pairs, CLEARER * in_phase(waves))
+    first = {name: coherent(name, FEWEST_GATES) for name in _ORDERS}
+    best = max(first, key=first.__getitem__)
+    if first[best] < least or coherent(best, GATES) < least:
         return []
     what, remedy = _WHAT[best]
     return [Finding("positions-reversed" if "reversed" in best else "samples-unordered", what, SURE, remedy, False)]

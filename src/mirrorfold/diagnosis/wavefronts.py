@@ -130,7 +130,7 @@ class Wavefronts:
         return self.curvature[: middle + 1] if contracting else self.curvature[middle:]
 
 
-def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
+def wavefronts(pairs: Pairs, *, exchange: bool, gates: int = GATES) -> Wavefronts | None:
     """Measure the wavefronts of a sweep; None where it has too few echoes, or its array is too short, long or wide.
 
     Parameters
@@ -138,6 +138,8 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     pairs : Pairs
     exchange : bool
         Whether to try exchanged transmitters and receivers too.
+    gates : int
+        Largest number of range bins that are looked at, the strongest ones; the time grows with it.
     """
     places = np.concatenate([pairs.tx, pairs.rx])
     along = pairs.axes[0]
@@ -169,7 +171,7 @@ def wavefronts(pairs: Pairs, *, exchange: bool) -> Wavefronts | None:
     most = int(LARGEST_WINDOWS / (2.0 * (2.0 * half + 1.0) * chosen.size))
     if most < FEWEST_GATES:
         return None
-    gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, min(most, GATES))))
+    gate = _gates(profile, int(np.clip(affordable / chosen.size, FEWEST_GATES, min(most, gates))))
     if gate.size < 2:
         return None
     windowed = windows(profile, gate, half, centre - pairs.wavenumber[0], step)
