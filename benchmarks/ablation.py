@@ -85,7 +85,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror, own: mirror}}, {}),
     "walls where they are faint": ({shadows: {"goes_on": lambda gap, view: False}}, {}),
     "ends that shine": ({lines._Lines: {"_without_shining_ends": lambda search, mirror, own: mirror}}, {}),
-    "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order: []}}, {}),
+    "rows bent by curved mirrors": ({rounds: {"without_bent": lambda order, ordered: order}}, {}),
     "beams beyond the ends of mirrors": ({assignment: {"beyond_ends": lambda order, echoes, owner: owner}}, {}),
     "beams before the ends of mirrors": ({assignment: {"before_ends": lambda order, echoes, owner: owner}}, {}),
     "what only earlier rounds have hidden": ({rounds: {"shown_at_last": lambda order, echoes, seen, *given: seen}}, {}),
