@@ -319,7 +319,7 @@ def estimate(
     from mirrorfold.simulation.fullwave.estimate import FullWaveEstimate
     from mirrorfold.simulation.fullwave.sweep import estimate_sweep
 
-    costs = []
+    costs = []  # no comprehension: in Python 3.11 it is a function more, which the place of a warning would count
     for one in _polarizations(scene):
         costs.append(estimate_sweep(replace(scene, polarization=one), tolerance=tolerance, seed=seed))
     seconds, memory = sum(cost.seconds_per_frequency for cost in costs), max(cost.memory for cost in costs)

@@ -105,7 +105,7 @@ def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: Im
     with np.errstate(invalid="ignore"):
         share, along = crossing(leaves, stands, *wall)
         behind = (1.0 - share) * length
-        cell, beam = np.asarray(view.cell(range_)), view.u_cell * (range_ - behind)
+        cell, beam = np.asarray(view.cell(range_)), view.width(range_ - behind)
         inside = (0.5 - np.abs(along - 0.5)) * float(np.linalg.norm(wall[1] - wall[0]))
         far = np.minimum(share * length, behind) > BEHIND_CELLS * cell
         return np.asarray(far & (inside > -beam) & (inside < INSIDE_CELLS * cell))
