@@ -122,8 +122,9 @@ async function refold() {
       take(content);
       edit.message = "";
       edit.took = performance.now() - start;
-      document.documentElement.dataset.folds = String(Number(document.documentElement.dataset.folds || 0) + 1);
       changed();
+      // The number of folds that are drawn: this runs in the same frame, after the painters.
+      requestAnimationFrame(() => { document.documentElement.dataset.folds = String(Number(document.documentElement.dataset.folds || 0) + 1); });
     } while (edit.again);
   } catch (error) { edit.message = error.message; }
   edit.busy = false;
