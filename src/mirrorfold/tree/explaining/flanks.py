@@ -18,12 +18,13 @@ from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.reflected_on import REFLECTED_ON
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO
 
-WAVES = (MIXED, LATE, TO_AND_FRO, REFLECTED_ON)
-"""Explanations that give a wave another path; they hold for all of its blob."""
+WAVES = {TO_AND_FRO: 2.0, REFLECTED_ON: 2.0, MIXED: 1.0, LATE: 1.0}
+"""Explanations that give a wave another path and so hold for all of its blob, and the largest distance of a flank in
+direction, in resolution cells. The end of a mirror divides the antennas, and the beam of half of them is twice as wide.
+What the sweep tells, it tells of each cell by itself, so that only the neighbouring cell is in question."""
 
-FLANK_CELLS = np.array([1.0, 2.0])
-"""Largest distance of a flank from an explained echo in range and in direction, in resolution cells. The end of a mirror
-divides the antennas, and the beam of half of them is twice as wide."""
+FLANK_CELLS = 1.0
+"""Largest distance of a flank in range, in resolution cells."""
 
 AS_BRIGHT_DB = 1.0
 """Two echoes on either side of the peak of one wave, a quarter of a cell from it, differ by less than this."""
@@ -31,16 +32,14 @@ AS_BRIGHT_DB = 1.0
 
 def flanks(echoes: Echoes, found: Found, view: ImageView) -> Names:
     """The explanation of the wave that each echo is on the flank of, (n,); "" where there is none."""
-    wave = np.isin(found.explanation, WAVES)
-    result = np.full(len(echoes), "", dtype=found.explanation.dtype if wave.any() else "<U1")
-    if not wave.any() or not len(echoes):
-        return result
-    peaks, why = found.explained.take(wave), found.explanation[wave]
-    level = ratio_of(AS_BRIGHT_DB) * peaks.amplitude
-    at, tops = (view.in_cells(some.position) / FLANK_CELLS for some in (echoes, peaks))
-    near = cKDTree(tops).query_ball_point(at, 1.0)
-    for index, (those, amplitude) in enumerate(zip(near, echoes.amplitude, strict=True)):
-        brighter = [peak for peak in those if level[peak] >= amplitude]
-        if brighter:
-            result[index] = why[max(brighter, key=level.__getitem__)]
+    result, brightest = np.full(len(echoes), "", dtype=found.explanation.dtype), np.zeros(len(echoes))
+    for reason, cells in WAVES.items():
+        peaks = found.explained.take(found.explanation == reason)
+        if not len(peaks) or not len(echoes):
+            continue
+        at, tops = (view.in_cells(some.position) / (FLANK_CELLS, cells) for some in (echoes, peaks))
+        near = cKDTree(tops).query_ball_point(at, 1.0)
+        amplitude = np.array([peaks.amplitude[those].max(initial=0.0) for those in near])
+        told = (echoes.amplitude <= ratio_of(AS_BRIGHT_DB) * amplitude) & (amplitude > brightest)
+        result[told], brightest[told] = reason, amplitude[told]
     return result
