@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mirrorfold.tree.half_transparent.transparent import TransparentWall
 
 ITSELF = "is the radar itself, seen in a mirror"
+AT_EDGE = "may be seen in a mirror or past its edge"
 
 
 class Found(NamedTuple):
@@ -59,8 +60,8 @@ echoes: `mirrorfold.tree.rounds.find_tree`.
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
     """The root of the tree of mirrors with their echoes, and the lines of sight with the chain of each mirror.
 
-    Where objects are `opaque`, two kinds of echoes are left out: those at the edge of a mirror that would fold to where
-    the radar itself sees nothing, and images of the radar's own antennas in a mirror.
+    Where objects are `opaque`, three kinds of echoes are left out: those that are `at_edges`, those at the edge of a
+    mirror that would fold to where the radar itself sees nothing, and images of the radar's own antennas in a mirror.
     """
     sight = order.sight
     if opaque:
@@ -70,6 +71,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     if opaque:
         order = replace(order, sight=sight)
         owner = before_ends(order, echoes, beyond_ends(order, echoes, owner))
+        owner[at_edges(order, echoes)] = UNSEEN
     chains: list[Chain] = [() for _ in order.mirrors]
 
     def node(index: int, chain: Chain, way: tuple[Mirror, ...]) -> MirrorTree:
@@ -90,6 +92,13 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
 
     root = node(ROOT, (), ())
     return root, replace(sight, chain=tuple(chains))
+
+
+def at_edges(order: Order, echoes: Echoes) -> Mask:
+    """Which objects are so near to the edge of a mirror that they may be seen in it or past it, (n,)."""
+    found = echoes.visible & echoes.strong & (order.face == ROOT)
+    found[found] = order.sight.undecided(echoes.take(found))
+    return found
 
 
 def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:

@@ -213,6 +213,19 @@ class LinesOfSight:
         """Which echoes no object hides, (n,)."""
         return self.cover.clear(echoes.range, echoes.direction, echoes.amplitude)
 
+    def undecided(self, echoes: Echoes) -> Mask:
+        """Which echoes are so near to the edge of a mirror that they may be seen in it or past it, (n,).
+
+        A beam also shows what stands beside its axis, up to its radius. Near an edge, it shows an object in the mirror
+        and one past the edge alike, and speckle decides which of its neighbours are brighter. In images, whose echoes
+        are the brightest of their surroundings, no echo is undecided.
+        """
+        axis = self.view.points(echoes.range, echoes.direction)
+        row, beside = self.view.within(axis, self.view.strays(echoes.range))
+        own = self.seen_through(echoes.range, echoes.direction)
+        others = self.seen_through(echoes.range[row], beside) != own[row]
+        return np.bincount(row, weights=others, minlength=len(echoes)) > 0.0
+
     def contradicted(self, echoes: Echoes, fold: Fold) -> Mask:
         """Which echoes at the edge of a mirror would fold to where the radar's direct view is empty, (n,).
 

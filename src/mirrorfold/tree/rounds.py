@@ -20,7 +20,7 @@ from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import Finder, find_mirrors, usual_settings
 from mirrorfold.detection.mirrors.curved import on_rows
-from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
+from mirrorfold.tree.assignment import AT_EDGE, ITSELF, Found, assign_echoes, at_edges, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
@@ -113,6 +113,7 @@ def find_tree(
     tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
     if settings.opaque:
         reasons.note(radar_itself(tree, sight, seen), ITSELF)
+        reasons.note(at_edges(order, seen), AT_EDGE)
     return Found(seen, tree, sight, *reasons.explained())
 
 

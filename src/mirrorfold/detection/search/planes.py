@@ -13,6 +13,7 @@ from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.search.fit import refined
 from mirrorfold.detection.search.fronts import find_front
 from mirrorfold.detection.search.growing import Search
+from mirrorfold.detection.search.rims import within_rim
 from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
 
@@ -55,6 +56,8 @@ deeper."""
 def find_planes(echoes: Echoes, view: VolumeView, *, minimum_length: float, tested: bool = True) -> list[PlaneMirror]:
     """Plane mirrors among the visible echoes of a volume, that of the most beams first: see `Search`."""
     found = _Planes(echoes, view, minimum_length, tested).find(enough=0.0)
+    if tested:
+        found = [within_rim(mirror, view) for mirror in found]
     return sorted(found, key=lambda mirror: -float(mirror.beams.sum()))
 
 

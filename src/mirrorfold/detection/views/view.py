@@ -130,6 +130,10 @@ class View(ABC):
         """How far beside its direction, along one of the `axes`, an object hides what is behind it."""
         return 0.0
 
+    def strays(self, range_: Array) -> Array:
+        """How far beside its direction, along one of the `axes`, the object of an echo at a range [m] may be, (n,)."""
+        return np.zeros(np.shape(range_))
+
     def looks_at(self, echoes: Echoes) -> Mask:
         """Directions into which the radar surely looks, (n,): beyond its outermost echoes, antennas may be blind."""
         return np.ones(len(self.sight), dtype=bool)

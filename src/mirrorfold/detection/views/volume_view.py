@@ -172,9 +172,13 @@ class VolumeView(View):
         values = np.where(inside, beams_of(image)[azimuth[:, None], elevation[:, None], place], 0.0)
         return np.asarray(reach * self.dr), np.asarray(values * np.exp(-2j * wavenumber * self.range[place]))
 
+    def strays(self, range_: Array) -> Array:
+        """The radius of the beam at ranges [m], as an angle [rad]."""
+        return np.asarray(self.width(range_) / np.maximum(range_, self.dr))
+
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""
-        return np.ceil(self.width(range_) / (self.beam_step * np.maximum(range_, self.dr))).astype(np.intp)
+        return np.ceil(self.strays(range_) / self.beam_step).astype(np.intp)
 
     def cell(self, range_: Array | float, growth: Array | float = 1.0) -> Array:
         """Diagonal of the resolution cell [m], from the range cell and the diameter of the beam."""
