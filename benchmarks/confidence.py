@@ -99,13 +99,13 @@ MOVING = Radar(
 )
 """Radars of which one array alone resolves directions, besides those of the benchmarks, whose two arrays both do."""
 
-SIGNS = {"excess": 1, "neighbours": 1, "astray": -1, "share": 1, "over": 1}
+SIGNS = {"excess": 1, "neighbours": 1, "astray": -1, "share": 1, "over": 1, "deeper": -1}
 """Whether a larger feature speaks for a point or against it: fitted weights have this sign, or are zero."""
 
 NAMED = (
     ("not measured", {"share", "over"}),
-    ("not measured, one array resolves directions", {"share", "astray"}),
-    ("measured", set[str]()),
+    ("not measured, one array resolves directions", {"share", "astray", "deeper"}),
+    ("measured", {"deeper"}),
 )
 """What each of the `TABLES` is for, and the features that keep their weights in it."""
 

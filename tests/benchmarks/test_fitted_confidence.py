@@ -27,9 +27,9 @@ def benchmark(monkeypatch):
 
 def test_weights_by_which_the_truth_was_drawn_are_found(benchmark):
     """Those of kinds of points that no scene holds stay as they are."""
-    random, drawn_by = np.random.default_rng(0), np.array([-2.0, 0.1, 0.9, 0.0, 0.0, 0.0])
+    random, drawn_by = np.random.default_rng(0), np.array([-2.0, 0.1, 0.9, 0.0, 0.0, 0.0, 0.0])
     features = np.column_stack([np.ones(COUNT), random.uniform(0.0, 20.0, COUNT), random.uniform(0.0, 3.0, COUNT),
-                                np.zeros(COUNT), np.full(COUNT, np.nan), np.zeros(COUNT)])  # fmt: skip
+                                np.zeros(COUNT), np.full(COUNT, np.nan), np.zeros(COUNT), np.zeros(COUNT)])  # fmt: skip
     true = random.random(COUNT) < expit(np.nan_to_num(features) @ drawn_by)
     echoes = echoes_at(empty_view(), np.column_stack([np.zeros(COUNT), np.linspace(0.5, 2.5, COUNT)]))
     points = Points.of(echoes, echoes.position)

@@ -45,27 +45,29 @@ LEAST_SHARE = 0.7
 elsewhere at the same range lowers the share of a true echo, too. With less than `OWN_SHARE`, most of the energy came
 back another way, and the share counts as it is."""
 
-FEATURES = "one", "excess", "neighbours", "astray", "share", "over"
+FEATURES = "one", "excess", "neighbours", "astray", "share", "over", "deeper"
 """Names of the columns of `features`."""
 
 Weights = Mapping[str, Sequence[float]]
 """The weight of each of the `FEATURES`, for each kind of point."""
 
 WEIGHTS: Weights = {
-    "in line of sight": (-1.9, 0.02, 1.7, 0.0, 0.0, 0.0),
-    "behind mirrors": (-2.45, 0.12, 1.27, -1.8, 0.0, 0.0),
-    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0),
+    "in line of sight": (-1.9, 0.02, 1.7, 0.0, 0.0, 0.0, 0.0),
+    "behind mirrors": (-2.45, 0.12, 1.27, -1.8, 0.0, 0.0, 0.0),
+    "on mirrors": (5.06, 0.0, 0.0, -1.8, 0.0, 0.0, -4.87),
 }
 """Weights of the columns of `features`, for objects in line of sight, objects behind mirrors, and points on the faces
 of mirrors. The weighted sum is the logarithm of the odds that a point is true, if the mirrors on its way are. These are
-for echoes whose share is not known, where both arrays resolve directions. Hardly any row of echoes is then false; the
-weight 4.0 of faces allows for one in fifty. Fitted by `benchmarks/confidence.py`, where ray scenes, of four radars, and
-full-wave scenes have equal weight."""
+for echoes whose share is not known, where both arrays resolve directions. Hardly any face is then false, but
+behind two mirrors half of them are: mixed paths before a wall pass for the second mirror, and the wall is folded by one
+mirror too many. Fitted by
+`benchmarks/confidence.py`: to ray scenes, of four radars, and full-wave scenes with equal weight; the faces to ray
+scenes that were folded without their sweeps."""
 
 WEIGHTS_ONE_WAY: Weights = {
-    "in line of sight": (-2.24, 0.14, 0.55, 0.0, 0.0, 0.0),
-    "behind mirrors": (-0.29, 0.11, 0.05, -1.8, 0.0, 0.09),
-    "on mirrors": (-3.3, 0.22, 1.42, -1.8, 0.0, 0.0),
+    "in line of sight": (-2.24, 0.14, 0.55, 0.0, 0.0, 0.0, 0.0),
+    "behind mirrors": (-0.29, 0.11, 0.05, -1.8, 0.0, 0.09, 0.0),
+    "on mirrors": (-3.3, 0.22, 1.42, -1.8, 0.0, 0.0, 0.0),
 }
 """The same where one array alone resolves directions: few antennas send and many receive, or one antenna moves. Mixed
 paths, out by one way and back by another, are then as sharp as true echoes, and many a row of them passes for a wall.
@@ -73,11 +75,12 @@ Fitted to ray scenes of such radars; the weights of errors of mirrors are those 
 radar."""
 
 WEIGHTS_MEASURED: Weights = {
-    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0),
-    "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11),
-    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0),
+    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0, 0.0),
+    "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11, 0.0),
+    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0, 0.0),
 }
-"""The same where the sweep tells how much of the energy came back the way it went, and helped to find the mirrors."""
+"""The same where the sweep tells how much of the energy came back the way it went, and helped to find the mirrors. In
+ray scenes no point on a face is then false; the weight 4.0 allows for one in fifty."""
 
 TABLES = WEIGHTS, WEIGHTS_ONE_WAY, WEIGHTS_MEASURED
 """All weights, in the order of `table_numbers`."""
@@ -199,12 +202,13 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
 
 
 def features(points: Points, view: View, mirror_error: Array, over_face: Array) -> Array:
-    """The features of each point that speak for or against it, (n, 6), in the order of `FEATURES`.
+    """The features of each point that speak for or against it, (n, 7), in the order of `FEATURES`.
 
     The columns are: (0) one; (1) the level over what the echo had to exceed [dB]; (2) the logarithm to base 2 of the
     number of resolution cells nearby, its own included, that hold points of the same chain and face; (3) the error of
     the place by the errors of mirrors, `mirror_error`, in resolution cells; (4) the mean share of the energy in those
-    cells that came back the way it went, NaN where it is not known; (5) the level over the face of the mirror [dB].
+    cells that came back the way it went, NaN where it is not known; (5) the level over the face of the mirror [dB]; (6)
+    the number of mirrors on the way after the first.
     """
     cells, count, share = view.in_cells(points.initial), np.ones(len(points.initial)), points.confocal.copy()
     kind = np.unique(np.char.add(np.char.add(points.chain, "|"), points.mirror), return_inverse=True)[1].ravel()
@@ -216,7 +220,7 @@ def features(points: Points, view: View, mirror_error: Array, over_face: Array) 
     return np.column_stack([
         np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count),
         np.minimum(mirror_error, LARGEST_MIRROR_ERROR), share,
-        np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB),
+        np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB), np.maximum(points.bounces - 1.0, 0.0),
     ])  # fmt: skip
 
 
