@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import expit
-from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
+from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, echoes_at, empty_view
 
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.curved import dimming
@@ -22,8 +22,10 @@ from mirrorfold.folding.confidence import (
     MOST_EXCESS_DB,
     NEIGHBOUR_CELLS,
     OWN_ERROR,
+    TABLES,
     WEIGHTS,
     WEIGHTS_MEASURED,
+    WEIGHTS_ONE_WAY,
     errors,
     features,
     mirror_confidence,
@@ -75,6 +77,9 @@ def test_evidence_counts_level_and_filled_cells_of_the_same_kind_nearby(view):
     assert_allclose(given[:, 3], [0.0, 1.0, 2.0, 3.0, LARGEST_MIRROR_ERROR, LARGEST_MIRROR_ERROR])
     assert np.isnan(given[:, 4]).all()
     assert_allclose(given[:, 5], [-20.0, -20.0, -10.0, 0.0, 10.0, 10.0])
+    assert_array_equal(given[:, 6], 0.0)
+    deeper = features(replace(points, bounces=np.arange(6, dtype=np.int32)), view, np.zeros(6), np.zeros(6))[:, 6]
+    assert_array_equal(deeper, [0.0, 0.0, 1.0, 2.0, 3.0, 4.0])
 
 
 def test_shares_are_averaged_over_cells_in_which_they_are_known(view):
@@ -127,7 +132,8 @@ def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
     # What is seen in a mirror is no likelier than the mirror.
     assert_allclose(points.confidence, [direct, behind * on_it, on_it])
     points = with_confidence(fold_back(found.tree), found, lambda place, amplitude: np.array([1.0, OWN_SHARE]))
-    seen, hidden, _ = WEIGHTS_MEASURED.values()
+    seen, hidden, face = WEIGHTS_MEASURED.values()
+    on_it = expit(face[0])
     direct = expit(seen[0] + 20.0 * seen[1] + seen[4])
     behind = expit(hidden[0] + 20.0 * hidden[1] + LEAST_SHARE * hidden[4])
     assert_allclose(points.confidence, [direct, behind * on_it, on_it])
@@ -139,21 +145,52 @@ def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
         assert doubted.confidence[1] < 0.1 * behind
 
 
-@pytest.mark.parametrize("weights", [WEIGHTS, WEIGHTS_MEASURED], ids=["image alone", "measured"])
+@pytest.mark.parametrize("weights", TABLES, ids=["both arrays", "one array", "measured"])
 def test_what_speaks_for_a_point_makes_it_likelier(weights):
     """A lone echo at the threshold is doubted, eight cells in a row at 20 dB are believed, whatever was measured."""
     for name, (base, *slopes) in weights.items():
-        directions = np.sign(slopes)
-        assert (directions * [1, 1, -1, 1, 1][: len(slopes)] >= 0).all()
-        share = slopes[3:]  # of the energy that came back as it went
-        weak, strong = (base + np.dot(slopes, [level, count, 0.0, came, over][: len(slopes)])
-                        for level, count, came, over in ((0.0, 0.0, LEAST_SHARE, LEAST_OVER_FACE_DB),
-                                                         (20.0, 3.0, 1.0, 0.0)))  # fmt: skip
-        assert expit(strong) > 0.95
-        assert expit(weak) < 0.15 or name == "on mirrors"
-        assert not share or share[0] > 0.0 or name == "on mirrors"
+        face, measured = name == "on mirrors", weights is WEIGHTS_MEASURED
+        assert (np.array(slopes) * [1, 1, -1, 1, 1, -1] >= 0).all()
+        weak = base + np.dot(slopes, [0.0, 0.0, 0.0, LEAST_SHARE, LEAST_OVER_FACE_DB, 0.0])
+        strong = base + np.dot(slopes, [20.0, 3.0, 0.0, 1.0, 0.0, 0.0])
+        assert expit(strong) > (0.85 if weights is WEIGHTS_ONE_WAY else 0.95)
+        assert expit(weak) < 0.15 or (face and weights is not WEIGHTS_ONE_WAY)
+        assert (slopes[3] > 0.0) == (measured and not face)
         # Behind a mirror that is hardly known even the best echo proves little.
         assert name == "in line of sight" or expit(strong + LARGEST_MIRROR_ERROR * slopes[2]) < 0.5 * expit(strong)
+
+
+def test_faces_behind_two_mirrors_are_doubted_without_the_sweep(view):
+    """Mixed paths pass for the second mirror without the sweep. What such a wall shows is doubted, too."""
+    exact = replace(WALL, angle_error=0.0, offset_error=0.0)
+    some = [echoes_at(view, cells(view, (at, 0))) for at in (40, 50, 33, 60, 45, 70, 55)]
+    third = MirrorTree(exact, some[6], some[5], (), (0, 0, 0))
+    second = MirrorTree(exact, some[4], some[3], (third,), (0, 0))
+    tree = MirrorTree(None, some[0].take([]), some[0], (MirrorTree(exact, some[2], some[1], (second,), (0,)),), ())
+    found = found_of(view, np.empty((0, 2)))._replace(tree=tree)
+    alone, by_sweep = (
+        with_confidence(fold_back(tree), found, shares) for shares in (None, lambda p, a: np.ones(len(p)))
+    )
+    sure = dict(zip(alone.mirror, alone.confidence, strict=True))
+    assert sure["0"] > 0.95
+    assert sure["0/0"] > 0.95
+    assert sure["0/0/0"] < 0.6
+    assert (alone.confidence[alone.chain == "0/0/0"] < 0.6).all()
+    assert (by_sweep.confidence[by_sweep.mirror == "0/0/0"] > 0.9).all()
+
+
+@pytest.mark.parametrize("shares", [None, lambda place, amplitude: np.full(len(place), np.nan)], ids=["image", "sweep"])
+def test_where_one_array_resolves_directions_less_is_believed(view, shares):
+    """Mixed paths are as sharp as true echoes there. The sweep tells no shares then, but helped to find the mirrors."""
+    row = cells(view, (40, 0), (42, 0), (44, 0))
+    moving = replace(view, aperture_rx=0.0, wavelength=WAVELENGTH)
+    assert moving.one_way
+    sure, unsure = (
+        with_confidence(replace(fold_back(found.tree), amplitude=np.full(5, 0.15)), found, shares).confidence
+        for found in (found_of(each, row, cells(view, (50, 0)), cells(view, (33, 0))) for each in (view, moving))
+    )
+    assert (unsure[:3] < 0.8 * sure[:3]).all()
+    assert unsure[4] == sure[4] if shares else unsure[4] < 0.6 * sure[4]
 
 
 def test_what_two_mirrors_show_is_no_likelier_than_either(view):

@@ -11,7 +11,8 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.common.phases import PHASE_STEP
-from mirrorfold.folding.earlier import KEPT, initial_image
+from mirrorfold.detection.finding import see
+from mirrorfold.folding.earlier import KEPT, initial_image, kept_measurements
 from mirrorfold.folding.frames import join_frames, pick_frame
 
 GRID = {"x": np.arange(-1.2, 1.2, 0.005), "y": np.arange(0.2, 2.3, 0.0075)}
@@ -50,6 +51,14 @@ def test_mirrors_and_points_are_the_same_however_often_it_is_folded(first, tmp_p
     seen = np.abs(kept) > 0.0
     turn = np.angle(kept[seen] / image.values[seen])
     assert np.abs(turn).max() <= 0.501 * PHASE_STEP + 1e-5
+
+
+@pytest.mark.slow
+def test_what_was_folded_without_the_sweep_is_not_taken_for_measured(first):
+    image, once = first
+    view = see(initial_image(once))
+    assert kept_measurements(once)(view).confocal_share is not None
+    assert kept_measurements(mf.fold(image))(view).confocal_share is None
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ weights were fitted to scenes whose truth is known (logistic regression: Cox, J.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -45,22 +45,45 @@ LEAST_SHARE = 0.7
 elsewhere at the same range lowers the share of a true echo, too. With less than `OWN_SHARE`, most of the energy came
 back another way, and the share counts as it is."""
 
-WEIGHTS = {
-    "in line of sight": (-1.9, 0.02, 1.7, 0.0),
-    "behind mirrors": (-2.45, 0.12, 1.27, -1.8),
-    "on mirrors": (4.0, 0.0, 0.0, -1.8),
-}
-"""Weights of the first four columns of `features`, for objects in line of sight, objects behind mirrors, and points on
-the faces of mirrors. The weighted sum is the logarithm of the odds that a point is true. In the ray scenes, no point on
-a face was false; the weight 4.0 allows for one in fifty. Fitted by `benchmarks/confidence.py`, where ray scenes, of
-four radars, and full-wave scenes have equal weight."""
+FEATURES = "one", "excess", "neighbours", "astray", "share", "over", "deeper"
+"""Names of the columns of `features`."""
 
-WEIGHTS_MEASURED = {
-    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0),
-    "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11),
-    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0),
+Weights = Mapping[str, Sequence[float]]
+"""The weight of each of the `FEATURES`, for each kind of point."""
+
+WEIGHTS: Weights = {
+    "in line of sight": (-1.9, 0.02, 1.7, 0.0, 0.0, 0.0, 0.0),
+    "behind mirrors": (-2.45, 0.12, 1.27, -1.8, 0.0, 0.0, 0.0),
+    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0, -4.0),
 }
-"""Weights of all six features, where the sweep tells how much of the energy came back the way it went."""
+"""Weights of the columns of `features`, for objects in line of sight, objects behind mirrors, and points on the faces
+of mirrors. The weighted sum is the logarithm of the odds that a point is true, if the mirrors on its way are. These are
+for echoes whose share is not known, where both arrays resolve directions. Hardly any face is then false, and 4.0 allows
+for one in fifty; behind two mirrors half of them are: mixed paths before a wall pass for the second mirror, and the
+wall is folded by one mirror too many. Fitted by `benchmarks/confidence.py`, where ray scenes, of four radars, and
+full-wave scenes have equal weight. The weight of 4.0 is less than the fit to ray scenes gives, 5.1, which is too sure
+in corridors that were not used for it."""
+
+WEIGHTS_ONE_WAY: Weights = {
+    "in line of sight": (-2.24, 0.14, 0.55, 0.0, 0.0, 0.0, 0.0),
+    "behind mirrors": (-0.29, 0.11, 0.05, -1.8, 0.0, 0.09, 0.0),
+    "on mirrors": (-3.3, 0.22, 1.42, -1.8, 0.0, 0.0, 0.0),
+}
+"""The same where one array alone resolves directions: few antennas send and many receive, or one antenna moves. Mixed
+paths, out by one way and back by another, are then as sharp as true echoes, and many a row of them passes for a wall.
+Fitted to ray scenes of such radars; the weights of errors of mirrors are those above, for they do not depend on the
+radar."""
+
+WEIGHTS_MEASURED: Weights = {
+    "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0, 0.0),
+    "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11, 0.0),
+    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0, 0.0),
+}
+"""The same where the sweep tells how much of the energy came back the way it went, and helped to find the mirrors. In
+ray scenes no point on a face is then false; the weight 4.0 allows for one in fifty."""
+
+TABLES = WEIGHTS, WEIGHTS_ONE_WAY, WEIGHTS_MEASURED
+"""All weights, in the order of `table_numbers`."""
 
 EXPLAINED = 0.1
 """Confidence of a point whose echo does not come from where the image shows it: the share of such points near a
@@ -91,17 +114,30 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
         points = with_confocal_shares(points, shares)
     error, mirror_error = errors(points, found.tree, view)
     values = features(points, view, mirror_error, over_faces(points, found.tree))
-    rows = weight_rows(points)
-    seen, with_share = (np.array(list(weights.values()))[rows] for weights in (WEIGHTS, WEIGHTS_MEASURED))
-    unmeasured = np.sum(values[:, : seen.shape[1]] * seen, axis=1)
-    log_odds = np.where(np.isfinite(values[:, 4]), np.sum(np.nan_to_num(values) * with_share, axis=1), unmeasured)
-    points = replace(points, error=error, confidence=expit(log_odds))
-    multiply_by_mirrors(points, found.tree)
+    table = table_numbers(points, values, view, by_sweep=shares is not None)
+    points = replace(points, error=error, confidence=judged(points, found.tree, values, table))
     # A place that depends on whether an echo passed through a wall is no surer than the answer to that question.
     points.confidence[:] = np.fmin(points.confidence, np.maximum(points.passed, 1.0 - points.passed))
     if shares is not None and isinstance(view, ImageView):
         points = _with_shares_of_blurs(points, view, shares)
     return _with_ghosts(points, found)
+
+
+def judged(points: Points, tree: MirrorTree, values: Array, table: Index, tables: Sequence[Weights] = TABLES) -> Array:
+    """The confidence of points, (n,), by their `features`, and the weights in one of the `tables` for each point."""
+    weights = np.array([list(each.values()) for each in tables])[table, weight_rows(points)]
+    points = replace(points, confidence=expit(np.sum(np.nan_to_num(values) * weights, axis=1)))
+    multiply_by_mirrors(points, tree)
+    return points.confidence
+
+
+def table_numbers(points: Points, values: Array, view: View, *, by_sweep: bool) -> Index:
+    """The number of the weights among `TABLES` for each point, (n,), by its `features` and whether there was a sweep.
+
+    The sweep is not asked for the share of faces, but helped to find the mirrors.
+    """
+    measured = np.isfinite(values[:, FEATURES.index("share")]) | (by_sweep & (points.mirror != ""))
+    return np.where(measured, 2, int(isinstance(view, ImageView) and view.one_way))
 
 
 def multiply_by_mirrors(points: Points, tree: MirrorTree) -> None:
@@ -166,12 +202,13 @@ def over_faces(points: Points, tree: MirrorTree) -> Array:
 
 
 def features(points: Points, view: View, mirror_error: Array, over_face: Array) -> Array:
-    """The features of each point that speak for or against it, (n, 6).
+    """The features of each point that speak for or against it, (n, 7), in the order of `FEATURES`.
 
     The columns are: (0) one; (1) the level over what the echo had to exceed [dB]; (2) the logarithm to base 2 of the
     number of resolution cells nearby, its own included, that hold points of the same chain and face; (3) the error of
     the place by the errors of mirrors, `mirror_error`, in resolution cells; (4) the mean share of the energy in those
-    cells that came back the way it went, NaN where it is not known; (5) the level over the face of the mirror [dB].
+    cells that came back the way it went, NaN where it is not known; (5) the level over the face of the mirror [dB]; (6)
+    the number of mirrors on the way after the first.
     """
     cells, count, share = view.in_cells(points.initial), np.ones(len(points.initial)), points.confocal.copy()
     kind = np.unique(np.char.add(np.char.add(points.chain, "|"), points.mirror), return_inverse=True)[1].ravel()
@@ -183,7 +220,7 @@ def features(points: Points, view: View, mirror_error: Array, over_face: Array) 
     return np.column_stack([
         np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count),
         np.minimum(mirror_error, LARGEST_MIRROR_ERROR), share,
-        np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB),
+        np.clip(over_face, LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB), np.maximum(points.bounces - 1.0, 0.0),
     ])  # fmt: skip
 
 
