@@ -32,9 +32,9 @@ def view():
 def tree_of(view, direct, behind, both, *, mirrors=(NEAR, FAR), faces=((), ())):
     """One mirror seen in another, with what is seen directly, by way of the first, and by way of both."""
     parts = [echoes_at(view, np.reshape(places, (-1, 2))) for places in (direct, behind, both, *faces)]
-    deeper = MirrorTree(mirrors[1], parts[4], parts[2], (), (0, 0))
-    first = MirrorTree(mirrors[0], parts[3], parts[1], (deeper,), (0,))
-    return MirrorTree(None, parts[0].take([]), parts[0], (first,), ())
+    deeper = MirrorTree(tuple(mirrors[:2]), parts[4], parts[2], (), (0, 0))
+    first = MirrorTree((mirrors[0],), parts[3], parts[1], (deeper,), (0,))
+    return MirrorTree((), parts[0].take([]), parts[0], (first,), ())
 
 
 def test_each_echo_is_reflected_in_the_mirrors_of_its_way_the_last_first(view):

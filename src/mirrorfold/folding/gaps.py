@@ -83,9 +83,9 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
     initial = _on_surface(straight, points, cells, view)
     position = np.empty_like(initial)
-    for chain, fold in tree.folds().items():
-        own = new.chain == chain_name(chain)
-        position[own] = fold(initial[own])
+    for node in tree.walk():
+        own = new.chain == chain_name(node.chain)
+        position[own] = node.fold(initial[own])
     new = replace(
         new,
         position=position,

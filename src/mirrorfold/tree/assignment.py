@@ -76,7 +76,6 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
         children = np.flatnonzero(sight.parent == index)
         objects = echoes.take(owner == index)
         face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))
-        mirror = None
         if index != ROOT:
             mirror = order.mirrors[index]
             chains[index] = chain
@@ -86,7 +85,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
                 objects = objects.take(~sight.contradicted(objects, fold) & ~images_of_radar(sight.view, objects, fold))
             face = mirror.snapped(sight.view, face)
         below = tuple(node(int(child), (*chain, i), way) for i, child in enumerate(children))
-        return MirrorTree(mirror, face, objects, below, chain)
+        return MirrorTree(way, face, objects, below, chain)
 
     root = node(ROOT, (), ())
     return root, replace(sight, chain=tuple(chains))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mirrorfold.detection import Mirror, View
+from mirrorfold.detection import Mirror, View, any_curved
 from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.tree.assignment import Found
@@ -63,7 +63,7 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     own, numbers = sight.seen_through(echoes.range, echoes.direction), np.array(list(lines), dtype=np.intp)
     face = faces(list(lines.values()), view, echoes, 0.0, unseen=UNSEEN, root=ROOT)
     own[face >= 0] = sight.parent[numbers[face[face >= 0]]]
-    curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in by_chain[chain])]
+    curved = [index for index, chain in enumerate(sight.chain) if any_curved(by_chain[chain])]
     own[np.isin(own, curved)] = UNSEEN
     return find_curved_rows(view, echoes, own)
 
@@ -73,6 +73,6 @@ def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> 
 
     The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
     """
-    bent = [any(mirror.curved for mirror in order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
+    bent = [any_curved(order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
     kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]
     return ordered(kept) if any(bent) else order

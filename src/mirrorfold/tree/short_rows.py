@@ -16,7 +16,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.detection import Echoes, ImageView, Mirror, View, any_curved
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
@@ -88,7 +88,7 @@ def short_rows(
     own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
     rows = list[Mirror]()
     for index in np.unique(own[own >= ROOT]):
-        if index == ROOT or not any(mirror.curved for mirror in by_chain[sight.chain[index]]):
+        if index == ROOT or not any_curved(by_chain[sight.chain[index]]):
             rows += find_lines(echoes.take(own == index), view, minimum_length=shortest)
     rows = [row for row in rows if row.fill >= SMALLEST_FILL]
     vertex = bright_places(rows, view)

@@ -44,8 +44,8 @@ def told(place, known, walls=(SCREEN,), shown=()):
     """
     seen = reflect(np.array([place, *shown]), MIRROR[0], segment_normal(*MIRROR))
     face = echoes_at(VIEW, np.empty((0, 2)))
-    child = MirrorTree(LineMirror(*MIRROR), face, echoes_at(VIEW, seen), (), (0,))
-    tree = MirrorTree(None, face, echoes_at(VIEW, np.reshape(known, (-1, 2))), (child,), ())
+    child = MirrorTree((LineMirror(*MIRROR),), face, echoes_at(VIEW, seen), (), (0,))
+    tree = MirrorTree((), face, echoes_at(VIEW, np.reshape(known, (-1, 2))), (child,), ())
     ways = {(-1 - i,): (LineMirror(*wall),) for i, wall in enumerate(walls)}
     marks = reflected_on(SimpleNamespace(tree=tree), VIEW, {(0,): (LineMirror(*MIRROR),), **ways})
     assert not marks[()].any()

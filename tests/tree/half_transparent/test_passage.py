@@ -73,7 +73,7 @@ def near(echoes, place):
 
 
 def passed(found, node, view):
-    return passage(found, view, node, found.tree.folds(), prolonged_where_hidden(found))
+    return passage(found, view, node, prolonged_where_hidden(found))
 
 
 @pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])
@@ -97,7 +97,7 @@ def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
     np.testing.assert_allclose(wall.probability, GUESS)
     assert len(wall.tested) == len(wall.passed) == len(node.objects)
     assert len(asked[0]) == len(found.echoes) - len(wall.echoes)
-    curved = MirrorTree(SimpleNamespace(curved=True), node.face.take([]), node.objects.take([]), chain=(9,))
+    curved = MirrorTree((SimpleNamespace(curved=True),), node.face.take([]), node.objects.take([]), chain=(9,))
     beside = found._replace(tree=replace(found.tree, mirrors=(*found.tree.mirrors, curved)))
     assert guess_transparent(beside, view, found.echoes, full_pass=once_more) is beside
 

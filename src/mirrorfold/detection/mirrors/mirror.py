@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -235,9 +235,14 @@ Fold = Isometry | ChainFold
 """A map from the image to true places."""
 
 
+def any_curved(mirrors: Iterable[Mirror]) -> bool:
+    """Whether any of the mirrors is curved, as those of a chain by way of which echoes are seen."""
+    return any(mirror.curved for mirror in mirrors)
+
+
 def fold_of(way: Sequence[Mirror], dimensions: int) -> Fold:
     """The map from the image to the true place for echoes seen by way of mirrors, of which the nearest comes first."""
-    if any(mirror.curved for mirror in way):
+    if any_curved(way):
         return ChainFold(way)
     fold = Isometry.identity(dimensions)
     for mirror in way:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, fold_of
+from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, any_curved, fold_of
 from mirrorfold.detection.finding import NEAREST
 from mirrorfold.detection.search.lines import find_lines
 from mirrorfold.tree.assignment import Found
@@ -80,7 +80,7 @@ def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mi
     `by_chain` holds the mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
     """
     behind, way = np.zeros(len(echoes), dtype=bool), by_chain[chain]
-    if not len(echoes) or any(mirror.curved for mirror in way):
+    if not len(echoes) or any_curved(way):
         return behind
     others = [other for name, other in by_chain.items() if name != chain]
     return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
@@ -130,7 +130,7 @@ def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell
     """
     met = np.zeros(len(stands), dtype=bool)
     for way in walls:
-        if way and not any(mirror.curved for mirror in way):
+        if way and not any_curved(way):
             met |= _met(way[-1], way[:-1], leaves, stands, cell)
     return met
 

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal
 from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection import ImageView, Mirror
+from mirrorfold.detection import ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import BEHIND_CELLS, INSIDE_CELLS, last_leg
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, true_ends
@@ -38,21 +38,20 @@ def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[M
     walls : mapping of chain to sequence of Mirror
         Known walls and flat objects, each with the mirrors before it by way of which it is seen.
     """
-    by_chain, folds = found.tree.mirrors_by_chain(), found.tree.folds()
-    ends = {chain: true_ends(tuple(way)) for chain, way in walls.items() if way and not _any_curved(way)}
+    ends = {chain: true_ends(tuple(way)) for chain, way in walls.items() if way and not any_curved(way)}
     asked, known = dict[Chain, _Asked](), list[Array]()
     for node in found.tree.walk():
         others = [wall for chain, wall in ends.items() if chain != node.chain]
         near = np.zeros((len(others), len(node.objects)), dtype=bool)
-        if len(node.objects) and not _any_curved(by_chain[node.chain]):
-            legs = last_leg(node.objects, by_chain[node.chain], view)
+        if len(node.objects) and not any_curved(node.way):
+            legs = last_leg(node.objects, node.way, view)
             for row, wall in zip(near, others, strict=True):
                 row[:] = _near_end(wall, *legs, node.objects.range, view)
             asked[node.chain] = _Asked(*legs, np.asarray(view.cell(node.objects.range)), others, near)
         # An echo that is in doubt itself explains no other.
-        known.append(folds[node.chain](node.objects.position[~near.any(axis=0)]))
+        known.append(node.fold(node.objects.position[~near.any(axis=0)]))
         if node.chain:
-            known.append(folds[node.chain[:-1]](node.face.position))
+            known.append(node.face_fold(node.face.position))
     places = cKDTree(np.concatenate(known))
     return {
         node.chain: asked[node.chain].come_from(places)
@@ -90,10 +89,6 @@ class _Asked(NamedTuple):
             place = _followed(self.leaves[echo], self.stands[echo], int(wall), self.walls, float(self.cell[echo]))
             explained[echo] |= places.query(place)[0] <= EXPECTED_CELLS * self.cell[echo]
         return explained
-
-
-def _any_curved(way: Sequence[Mirror]) -> bool:
-    return any(mirror.curved for mirror in way)
 
 
 def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: ImageView) -> Mask:

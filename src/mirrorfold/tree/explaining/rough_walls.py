@@ -18,7 +18,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection import Echoes, Fold, ImageView, fold_of
+from mirrorfold.detection import Echoes, Fold, ImageView, any_curved, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
@@ -65,7 +65,7 @@ def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> M
     objects = _objects(order, echoes)
     for rough, parent in enumerate(sight.parent):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
-        if not face.size or any(mirror.curved for mirror in order.mirrors_to(rough)):
+        if not face.size or any_curved(order.mirrors_to(rough)):
             continue
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (shown_by == rough) & np.isfinite(begin)

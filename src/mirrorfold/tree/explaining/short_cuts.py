@@ -12,7 +12,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection import Echoes, ImageView, fold_of
+from mirrorfold.detection import Echoes, ImageView, any_curved, fold_of
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
@@ -44,7 +44,7 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
     objects = objects[view.brightest(echoes.position[objects], echoes.amplitude[objects])]
     for last in np.unique(through[objects]):
         way = order.mirrors_to(int(last))
-        if any(mirror.curved for mirror in way):
+        if any_curved(way):
             continue
         bright = echoes.take(objects[through[objects] == last])
         places = fold_of(way, view.dimensions)(bright.position)

@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror
+from mirrorfold.detection import Echoes, ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.grouping import connected, object_numbers
@@ -62,16 +62,16 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
 
     The known object may be seen by way of other mirrors than the echo. Curved mirrors and walls are not tested.
     """
-    sight, by_chain, folds = found.sight, found.tree.mirrors_by_chain(), found.tree.folds()
-    objects = {node.chain: node.objects for node in found.tree.walk()}
+    sight, nodes = found.sight, list(found.tree.walk())
+    objects = {node.chain: node.objects for node in nodes}
     marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
 
     faces = {chain: _face(echoes, view) for chain, echoes in objects.items()}
-    placed = {chain: folds[chain](place) for chain, (place, _) in faces.items()}
+    placed = {node.chain: node.fold(faces[node.chain][0]) for node in nodes}
     stands, level = np.concatenate(list(placed.values())), np.concatenate([level for _, level in faces.values()])
     true = {chain: placed[chain][: len(echoes)] for chain, echoes in objects.items()}
     others = _others(true, objects, view)
-    flat = {chain: way for chain, way in by_chain.items() if not any(mirror.curved for mirror in way)}
+    flat = {node.chain: node.way for node in nodes if not any_curved(node.way)}
     walls = [true_ends(way) for way in flat.values() if way]
     number = {(): ROOT} | {chain: index for index, chain in enumerate(sight.chain) if chain}
     for chain, way in flat.items():

@@ -8,7 +8,7 @@ import numpy as np
 
 from mirrorfold.common.geometry import segment_normal, signed_distance, unit
 from mirrorfold.common.types import Array
-from mirrorfold.detection import Mirror, fold_of
+from mirrorfold.detection import Mirror, any_curved, fold_of
 
 EXPECTED_CELLS = 0.75
 """Largest distance of an echo from where it is expected, in range cells: echoes and walls each err by half a cell."""
@@ -25,7 +25,7 @@ MirrorChain = tuple[Mirror, ...]
 
 def strongest_flat(chains: Iterable[MirrorChain]) -> list[MirrorChain]:
     """The chains that end at the strongest walls, the strongest first, among those without a curved mirror."""
-    flat = (chain for chain in chains if chain and not any(mirror.curved for mirror in chain))
+    flat = (chain for chain in chains if chain and not any_curved(chain))
     return sorted(flat, key=lambda chain: -chain[-1].strength)[:MOST_WALLS]
 
 
