@@ -85,7 +85,7 @@ def test_the_legs_of_a_known_corner_are_mirrors_that_show_each_other(view, leg, 
     """Each leg is continued by the image of the other one. At least 0.65 of 0.3 m of a leg must be seen."""
     vertex, axes = np.array([0.0, 2.0]), np.array([[0.6, 0.8], [-0.8, 0.6]])
     cross = [line(vertex - leg * axis, vertex + leg * axis) for axis in axes]
-    told = view.told(corners=vertex[None] + 0.005) if known else view
+    told = view.knowing(corners=vertex[None] + 0.005) if known else view
     order, _ = ordered(told, cross, [vertex + 3.0 * axis for axis in axes], opaque=False)
     assert_array_equal(order.sight.parent, parents)
     assert_allclose(sum(mirror.length for mirror in order.mirrors), 4.0 * leg, atol=0.04)  # a line of sight at each end

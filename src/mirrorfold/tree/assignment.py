@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mirrorfold.common.types import Chain, Mask, Names
-from mirrorfold.detection import Echoes, Mirror, fold_of
+from mirrorfold.detection import Echoes
 from mirrorfold.tree.explaining.edges import before_ends, beyond_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, images_of_radar
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -72,22 +72,20 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
         owner = before_ends(order, echoes, beyond_ends(order, echoes, owner))
     chains: list[Chain] = [() for _ in order.mirrors]
 
-    def node(index: int, chain: Chain, way: tuple[Mirror, ...]) -> MirrorTree:
+    def node(index: int, chain: Chain) -> MirrorTree:
         children = np.flatnonzero(sight.parent == index)
         objects = echoes.take(owner == index)
         face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))
         if index != ROOT:
-            mirror = order.mirrors[index]
             chains[index] = chain
-            way = (*way, mirror)
             if opaque:
-                fold = fold_of(way, sight.view.dimensions)
+                fold = order.fold(index)
                 objects = objects.take(~sight.contradicted(objects, fold) & ~images_of_radar(sight.view, objects, fold))
-            face = mirror.snapped(sight.view, face)
-        below = tuple(node(int(child), (*chain, i), way) for i, child in enumerate(children))
-        return MirrorTree(way, face, objects, below, chain)
+            face = order.mirrors[index].snapped(sight.view, face)
+        below = tuple(node(int(child), (*chain, i)) for i, child in enumerate(children))
+        return MirrorTree(order.mirrors_to(index), face, objects, below, chain)
 
-    root = node(ROOT, (), ())
+    root = node(ROOT, ())
     return root, replace(sight, chain=tuple(chains))
 
 

@@ -69,9 +69,9 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
 
 
 def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> Order:
-    """The order without mirrors that are seen by way of a curved one; `ordered` makes the order of those that are left.
+    """The order without the mirrors that are seen by way of a curved one; `ordered` orders the others anew.
 
-    The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
+    A curved mirror shows no straight line as straight. So a straight row of echoes behind it is no image of a wall.
     """
     bent = [any_curved(order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
     kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]

@@ -94,5 +94,5 @@ def short_rows(
     vertex = bright_places(rows, view)
     if corners is not None and len(vertex):
         vertex = vertex[corners(vertex)]
-    told = view.told(corners=vertex)
+    told = view.knowing(corners=vertex)
     return [row for row in rows if not told.near_corner(row.ends).any()]

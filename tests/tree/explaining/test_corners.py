@@ -63,13 +63,13 @@ def test_a_row_through_a_known_vertex_is_no_mirror_if_nothing_crosses_it_there()
     row = LineMirror(np.array([-0.2, 1.1]), np.array([0.15, 1.25]))
     other = LineMirror(np.array([0.05, 1.0]), np.array([-0.1, 1.35]))
     (vertex,) = vertices([row, other])
-    told = view.told(corners=vertex[None])
+    told = view.knowing(corners=vertex[None])
     assert lone_legs([row], told, 0.3) == [True]
     assert lone_legs([row, other], told, 0.3) == [False, False]
     assert lone_legs([row], told, 0.15) == [False]  # one of the halves is as long as a mirror
     assert lone_legs([row], view, 0.3) == [False]
-    at_its_end = view.told(corners=row.start[None])
-    beside = view.told(corners=vertex[None] + [0.0, 0.2])
+    at_its_end = view.knowing(corners=row.start[None])
+    beside = view.knowing(corners=vertex[None] + [0.0, 0.2])
     assert lone_legs([row], at_its_end, 0.3) == lone_legs([row], beside, 0.3) == [False]
 
 

@@ -123,7 +123,7 @@ class ImageView(View):
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
     window: Array = field(default_factory=lambda: np.zeros(0))
 
-    def told(self, **known: Array) -> ImageView:
+    def knowing(self, **known: Array) -> ImageView:
         """The same view with other `misplaced` echoes or `corners`; all else that was computed is kept."""
         view = replace(self, **known)  # type: ignore[arg-type]
         kept = vars(self).keys() - vars(view).keys() - {"_misplaced_in_cells"}

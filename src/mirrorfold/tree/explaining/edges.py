@@ -12,7 +12,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Index, Mask
-from mirrorfold.detection import Echoes, View, fold_of
+from mirrorfold.detection import Echoes, View
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
@@ -44,8 +44,7 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             number = object_numbers(view, echoes.range[own], echoes.direction[own])
             reaches_on = np.bincount(number, weights=~beside) > 0.0
             moved = own[~reaches_on[number]]
-            fold = fold_of(order.mirrors_to(mirror), view.dimensions)
-            owner[moved[~sight.contradicted(echoes.take(moved), fold)]] = mirror
+            owner[moved[~sight.contradicted(echoes.take(moved), order.fold(mirror))]] = mirror
     return owner
 
 

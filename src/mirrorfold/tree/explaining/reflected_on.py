@@ -10,7 +10,6 @@ wave came from it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -21,6 +20,7 @@ from mirrorfold.detection import ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import BEHIND_CELLS, INSIDE_CELLS, last_leg
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, true_ends
+from mirrorfold.tree.mirror_tree import MirrorTree
 
 REFLECTED_ON = "comes from a known place, by way of a flat object"
 
@@ -39,56 +39,39 @@ def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[M
         Known walls and flat objects, each with the mirrors before it by way of which it is seen.
     """
     ends = {chain: true_ends(tuple(way)) for chain, way in walls.items() if way and not any_curved(way)}
-    asked, known = dict[Chain, _Asked](), list[Array]()
-    for node in found.tree.walk():
-        others = [wall for chain, wall in ends.items() if chain != node.chain]
-        near = np.zeros((len(others), len(node.objects)), dtype=bool)
-        if len(node.objects) and not any_curved(node.way):
-            legs = last_leg(node.objects, node.way, view)
-            for row, wall in zip(near, others, strict=True):
-                row[:] = _near_end(wall, *legs, node.objects.range, view)
-            asked[node.chain] = _Asked(*legs, np.asarray(view.cell(node.objects.range)), others, near)
-        # An echo that is in doubt itself explains no other.
-        known.append(node.fold(node.objects.position[~near.any(axis=0)]))
-        if node.chain:
-            known.append(node.face_fold(node.face.position))
+    nodes = list(found.tree.walk())
+    others = {node.chain: [wall for chain, wall in ends.items() if chain != node.chain] for node in nodes}
+    near = {node.chain: _near_ends(node, others[node.chain], view) for node in nodes}
+    # An echo that is in doubt itself explains no other.
+    known = [node.fold(node.objects.position[~near[node.chain].any(axis=0)]) for node in nodes]
+    known += [node.face_fold(node.face.position) for node in nodes if node.chain]
     places = cKDTree(np.concatenate(known))
-    return {
-        node.chain: asked[node.chain].come_from(places)
-        if node.chain in asked
-        else np.zeros(len(node.objects), dtype=bool)
-        for node in found.tree.walk()
-    }
+    return {node.chain: _come_from(places, node, others[node.chain], near[node.chain], view) for node in nodes}
 
 
-class _Asked(NamedTuple):
-    """The echoes of one chain whose last leg passes close to ends of walls.
+def _near_ends(node: MirrorTree, walls: Sequence[Array], view: ImageView) -> Mask:
+    """Which object echo's last leg passes close to an end of which wall, (walls, n); none by way of curved mirrors.
 
-    Attributes
-    ----------
-    leaves, stands : (n, 2) arrays [m]
-        Begin and end of the last leg of each echo's path.
-    cell : (n,) array [m]
-        Resolution cell of each echo.
-    walls : sequence of (2, 2) arrays [m]
-        Ends of all walls that may reflect the wave.
-    near : (walls, n) bool array
-        Which echo's leg passes close to an end of which wall.
+    Each wall is given by its ends, (2, 2) [m].
     """
+    near = np.zeros((len(walls), len(node.objects)), dtype=bool)
+    if len(node.objects) and not any_curved(node.way):
+        legs = last_leg(node.objects, node.way, view)
+        for row, wall in zip(near, walls, strict=True):
+            row[:] = _near_end(wall, *legs, node.objects.range, view)
+    return near
 
-    leaves: Array
-    stands: Array
-    cell: Array
-    walls: Sequence[Array]
-    near: Mask
 
-    def come_from(self, places: cKDTree) -> Mask:
-        """Which of the echoes come from one of these places by way of a wall, (n,)."""
-        explained = np.zeros(len(self.stands), dtype=bool)
-        for wall, echo in np.argwhere(self.near):
-            place = _followed(self.leaves[echo], self.stands[echo], int(wall), self.walls, float(self.cell[echo]))
-            explained[echo] |= places.query(place)[0] <= EXPECTED_CELLS * self.cell[echo]
-        return explained
+def _come_from(places: cKDTree, node: MirrorTree, walls: Sequence[Array], near: Mask, view: ImageView) -> Mask:
+    """Which object echoes of a node come from one of these places by way of a wall that is `near`, (n,)."""
+    explained = np.zeros(len(node.objects), dtype=bool)
+    if near.any():
+        leaves, stands = last_leg(node.objects, node.way, view)
+        cell = np.asarray(view.cell(node.objects.range))
+        for wall, echo in np.argwhere(near):
+            place = _followed(leaves[echo], stands[echo], int(wall), walls, float(cell[echo]))
+            explained[echo] |= places.query(place)[0] <= EXPECTED_CELLS * cell[echo]
+    return explained
 
 
 def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: ImageView) -> Mask:

@@ -18,7 +18,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection import Echoes, Fold, ImageView, any_curved, fold_of
+from mirrorfold.detection import Echoes, Fold, ImageView, any_curved
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
@@ -70,7 +70,7 @@ def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> M
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (shown_by == rough) & np.isfinite(begin)
         own = np.flatnonzero(own & (echoes.amplitude <= np.quantile(face, BRIGHT)))
-        surface = _Surface(view, sight.crossing[rough], fold_of(order.mirrors_to(int(parent)), view.dimensions))
+        surface = _Surface(view, sight.crossing[rough], order.fold(int(parent)))
         seen = echoes.take(own)
         for other, wall in flat.items():
             if other != rough:
@@ -195,6 +195,5 @@ def _objects(order: Order, echoes: Echoes) -> _Objects:
     objects, through = objects.take(through != UNSEEN), through[through != UNSEEN]
     places = np.empty_like(objects.position)
     for index in np.unique(through):
-        fold = fold_of(order.mirrors_to(int(index)), view.dimensions)
-        places[through == index] = fold(objects.position[through == index])
+        places[through == index] = order.fold(int(index))(objects.position[through == index])
     return _Objects(objects.position, places, objects.amplitude)

@@ -12,7 +12,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection import Echoes, ImageView, any_curved, fold_of
+from mirrorfold.detection import Echoes, ImageView, any_curved
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
 from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
@@ -43,14 +43,13 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
     objects = np.flatnonzero(echoes.strong & (order.face < 0) & (through >= 0))
     objects = objects[view.brightest(echoes.position[objects], echoes.amplitude[objects])]
     for last in np.unique(through[objects]):
-        way = order.mirrors_to(int(last))
-        if any_curved(way):
+        if any_curved(order.mirrors_to(int(last))):
             continue
         bright = echoes.take(objects[through[objects] == last])
-        places = fold_of(way, view.dimensions)(bright.position)
+        places = order.fold(int(last))(bright.position)
         rough = int(sight.parent[last])
         while rough >= 0:
-            before = fold_of(order.mirrors_to(int(sight.parent[rough])), view.dimensions)
+            before = order.fold(int(sight.parent[rough]))
             crossing = sight.crossing[rough, echoes.direction]
             met = before(view.points(np.where(np.isfinite(crossing), crossing, np.nan), echoes.direction))
             asked = np.flatnonzero((order.face == ROOT) & ~found & (echoes.range > crossing))
