@@ -11,13 +11,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
 from mirrorfold.common.geometry import reflect
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.collection import _mirrors, _objects, _remark
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.folding.points import BLOB_CELLS, fold_back, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 NEAR = LineMirror(np.array([-0.3, 1.0]), np.array([0.3, 1.0]))

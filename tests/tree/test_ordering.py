@@ -9,11 +9,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import U_CELL, echoes_at, empty_view, on_line
 
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.0)

@@ -15,7 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.facts import VOLUME, VOXELS, doubt_angles
 from mirrorfold.common.threads import one_thread
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import UNSEEN, Array, Index
 from mirrorfold.detection import image_echoes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import gains
@@ -165,12 +165,12 @@ def depression(view: View, echoes: Echoes) -> float:
 def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:
     """Curved rows or sheets of echoes, which may be mirrors: arcs in an image, cylinders and spheres in a volume.
 
-    `own` (n,) is the number of the mirror by way of which each echo is seen, -1 in line of sight. Echoes with different
-    numbers are searched separately; those with numbers below -1 are left out.
+    `own` (n,) is the number of the mirror by way of which each echo is seen, or `ROOT`. Echoes with different numbers
+    are searched separately; those that are `UNSEEN` are left out.
     """
     find: Callable[..., Sequence[Mirror]] = find_arcs if view.dimensions == 2 else find_round_sheets
     with one_thread():
-        return [row for way in np.unique(own[own >= -1]) for row in find(view, echoes.take(own == way))]
+        return [row for way in np.unique(own[own != UNSEEN]) for row in find(view, echoes.take(own == way))]
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:

@@ -108,7 +108,7 @@ def _remark(
         wanted = given != 0 and settings.generations != 0
         return _without_mirrors(image, found, settings, given, from_above) if wanted else ""
     own = found.explained.take(found.explanation == ITSELF)
-    through = found.sight.seen_through(own.range, own.direction)
+    through = found.sight.through(own)
     said = [
         f"the radar sees itself in mirror {chain_name(found.sight.chain[index])}, "
         f"{np.median(own.range[through == index]):.3g} m away, and leaves this out"

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
-from mirrorfold.common.types import Array, Chain, Index, Mask, Names
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Chain, Index, Mask, Names
 from mirrorfold.detection import Echoes, View
 from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.half_transparent.transparent import TransparentWall
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 BLOB_CELLS = 1.5

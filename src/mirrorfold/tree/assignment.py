@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mirrorfold.common.types import Chain, Mask, Names
+from mirrorfold.common.types import ROOT, UNSEEN, Chain, Mask, Names
 from mirrorfold.detection import Echoes
 from mirrorfold.tree.explaining.edges import before_ends, beyond_ends
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, images_of_radar
+from mirrorfold.tree.lines_of_sight import LinesOfSight, images_of_radar
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
@@ -65,7 +65,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     sight = order.sight
     if opaque:
         sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
-    through = sight.seen_through(echoes.range, echoes.direction)
+    through = sight.through(echoes)
     owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, UNSEEN)
     if opaque:
         order = replace(order, sight=sight)
@@ -92,7 +92,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
 def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
     """Which echoes are images of the radar's own antennas in mirrors, (n,)."""
     found, folds = np.zeros(len(echoes), dtype=bool), tree.folds()
-    through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
+    through = np.where(echoes.visible & echoes.strong, sight.through(echoes), UNSEEN)
     for index, chain in enumerate(sight.chain):
         if chain and (seen := through == index).any():
             found[seen] = images_of_radar(sight.view, echoes.take(seen), folds[chain])

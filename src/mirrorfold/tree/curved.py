@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mirrorfold.common.types import UNSEEN
 from mirrorfold.detection import Mirror, View, any_curved
 from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Evidence, Steps, with_rows
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 FEWEST_CELLS = 3
@@ -60,8 +60,8 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
     lines = {index: by_chain[chain][-1] for index, chain in enumerate(sight.chain) if chain}
-    own, numbers = sight.seen_through(echoes.range, echoes.direction), np.array(list(lines), dtype=np.intp)
-    face = faces(list(lines.values()), view, echoes, 0.0, unseen=UNSEEN, root=ROOT)
+    own, numbers = sight.through(echoes), np.array(list(lines), dtype=np.intp)
+    face = faces(list(lines.values()), view, echoes, 0.0)
     own[face >= 0] = sight.parent[numbers[face[face >= 0]]]
     curved = [index for index, chain in enumerate(sight.chain) if any_curved(by_chain[chain])]
     own[np.isin(own, curved)] = UNSEEN

@@ -237,7 +237,7 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
     by_chain = found.tree.mirrors_by_chain()
     cells, empty, confirmed, unconfirmed, shows = 0, 0, 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
-    through = sight.seen_through(echoes.range, echoes.direction)
+    through = sight.through(echoes)
     for index, chain in enumerate(sight.chain):
         way = by_chain[chain]
         if not way or not _part_of(way[-1], row):

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.stopping import go_on
-from mirrorfold.common.types import Array, Mask, Names
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import Finder, find_mirrors, usual_settings
 from mirrorfold.detection.mirrors.curved import on_rows
@@ -32,7 +32,6 @@ from mirrorfold.tree.explaining.lobes import LOBE
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.ordering import Order, order_mirrors
 

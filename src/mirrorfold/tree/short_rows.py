@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View, any_curved
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
@@ -23,7 +23,7 @@ from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
 from mirrorfold.tree.explaining.corners import bright_places
-from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, ROOT, UNSEEN
+from mirrorfold.tree.lines_of_sight import OUTSHINES_DB
 
 SHORTEST_CELLS = 5.0
 """Least length of such a row, in resolution cells, about that of an arc. Other mirrors must have `MINIMUM_CELLS`."""
@@ -84,8 +84,8 @@ def short_rows(
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
     known = [by_chain[chain][-1] for chain in sight.chain if chain]
-    loose = faces(known, view, echoes, 0.0, unseen=UNSEEN, root=ROOT) == ROOT
-    own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
+    loose = faces(known, view, echoes, 0.0) == ROOT
+    own = np.where(loose & echoes.visible, sight.through(echoes), UNSEEN)
     rows = list[Mirror]()
     for index in np.unique(own[own >= ROOT]):
         if index == ROOT or not any_curved(by_chain[sight.chain[index]]):

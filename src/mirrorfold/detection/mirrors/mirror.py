@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry, reflect_each, signed_distance
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View
 
@@ -260,21 +260,19 @@ def proving_echoes(echoes: Echoes, view: View) -> Echoes:
     return echoes.take(echoes.visible & (echoes.strong | (view.dimensions == 3)))
 
 
-def faces(
-    mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float, *, unseen: int, root: int
-) -> Index:
-    """Number of the mirror that each echo lies on, `unseen` for echoes from inside a wall, `root` for all others, (n,).
+def faces(mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float) -> Index:
+    """Number of the mirror that each echo lies on, `UNSEEN` for echoes from inside a wall, `ROOT` for all others, (n,).
 
     Echoes behind a mirror come from inside its wall up to the depth `wall_margin` [m], or twice the `depth` of the
     mirror if that is more.
     """
-    face = np.full(len(echoes), root, dtype=np.intp)
+    face = np.full(len(echoes), ROOT, dtype=np.intp)
     nearest = np.full(len(echoes), np.inf)
     for index, mirror in enumerate(mirrors):
         wall, own, across = mirror.near(view, echoes)
         behind = mirror.behind(view, echoes.position)
         wall &= (behind >= -across) & (behind <= across + max(wall_margin, 2.0 * mirror.depth))
-        face[wall & (face == root)] = unseen
+        face[wall & (face == ROOT)] = UNSEEN
         closer = wall & own & (np.abs(behind) <= across + mirror.depth) & (np.abs(behind) < nearest)
         face[closer] = index
         nearest[closer] = np.abs(behind)[closer]

@@ -216,6 +216,10 @@ class View(ABC):
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
+    def cells_at(self, points: Array) -> Array:
+        """Diagonal of the resolution cell [m] at each of points (n, d), (n,)."""
+        return self.cell(np.linalg.norm(points - self.radar, axis=1))
+
     def squares(self, points: Array) -> Callable[..., Array]:
         """A function that gives the squared `extent` at points (n, d), or at some of them, along unit vectors."""
         offset, cross = points - self.radar, self.cross_cell(points) ** 2

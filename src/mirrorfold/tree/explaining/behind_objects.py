@@ -57,7 +57,7 @@ def behind_objects(found: Found, view: ImageView) -> dict[Chain, Mask]:
         )
         for node in (node for node in before if node.generation == generation):
             legs, objects = last_leg(node.objects, node.way, view), node.objects
-            behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, np.asarray(view.cell(objects.range)))
+            behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, view.cell(objects.range))
     return behind
 
 

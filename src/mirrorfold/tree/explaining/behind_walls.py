@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.common.types import ROOT, Array, Chain, Mask
 from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, any_curved, fold_of
 from mirrorfold.detection.finding import NEAREST
 from mirrorfold.detection.search.lines import find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import BEYOND
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 BEHIND = "would stand behind a wall"
@@ -83,7 +83,7 @@ def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mi
     if not len(echoes) or any_curved(way):
         return behind
     others = [other for name, other in by_chain.items() if name != chain]
-    return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
+    return met_by(others, *last_leg(echoes, way, view), view.cell(echoes.range))
 
 
 def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:

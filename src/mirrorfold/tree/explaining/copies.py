@@ -13,11 +13,10 @@ from scipy.ndimage import label, maximum_filter
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.kernels import njit
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import ROOT, Array, Index, Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 
 COPY = "is a copy of a stronger one, of the pulse's tail or a layer in a wall"
@@ -130,11 +129,11 @@ def _strongest_copies(
     row: Index, direction: Index, beside: int, amplitude: Array, delays: Index, level: Array, start: Array, near: float,
     twice: bool, out: Array,
 ) -> None:  # fmt: skip
-    """Amplitude of the strongest copy at each echo's `row` and `direction`, (n,) each, into `out` (n,).
+    """Amplitude of the strongest copy at each echo, (n,), into `out`: the largest ``t level[m] amplitude[c, row - d]``.
 
-    It is a copy of a sample of `amplitude` (directions, rows), in the same direction or `beside` it, earlier by one of
-    the `delays` (m,), in samples, which rise; and it is by the `level` (m,) of this delay weaker. Copies are made from
-    the samples `start` (directions,) on, less `near` samples; if `twice`, those of later ones are twice as strong.
+    The echo is at (`direction`, `row`), the directions c are its own and those `beside` it, and d is one of the rising
+    `delays` (m,), in samples. Only samples from ``start[c] - near`` on are copied. The factor t is 1; but 2 for samples
+    beyond ``start[c] + near``, if copies count `twice` there.
     """
     for n in range(row.size):
         for side in (-beside, 0, beside):

@@ -59,13 +59,14 @@ def bright_places(mirrors: Sequence[Mirror], view: ImageView) -> Array:
 
 
 def lone_legs(mirrors: Sequence[Mirror], view: ImageView, shortest: float) -> list[bool]:
-    """Which rows lead through the vertex of one of the view's corners, both halves shorter than `shortest` [m].
+    """Which rows lead through the vertex of a corner, cross no second row there, and have two short halves.
 
-    One half is a leg of the corner, the other half the image of its other leg. Where a second row crosses it there, the
-    legs can be told. Where none does, they cannot, and a leg so short is no mirror.
+    One half of such a row is a leg of the corner, the other half is the image of the other leg. Where two rows cross at
+    the vertex, their order shows which half is which. Without a second row nothing does, and a leg that is shorter than
+    `shortest` [m] is no mirror.
     """
     apart = np.linalg.norm(view.corners[:, None] - vertices(mirrors), axis=2).min(axis=1, initial=np.inf)
-    cell = np.asarray(view.cell(np.linalg.norm(view.corners - view.radar, axis=1)))
+    cell = view.cells_at(view.corners)
     vertex, cell, found = view.corners[apart > cell], cell[apart > cell], list[bool]()
     for row in mirrors:
         through = np.zeros(len(vertex), dtype=bool)

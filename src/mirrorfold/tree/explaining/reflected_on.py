@@ -67,7 +67,7 @@ def _come_from(places: cKDTree, node: MirrorTree, walls: Sequence[Array], near: 
     explained = np.zeros(len(node.objects), dtype=bool)
     if near.any():
         leaves, stands = last_leg(node.objects, node.way, view)
-        cell = np.asarray(view.cell(node.objects.range))
+        cell = view.cell(node.objects.range)
         for wall, echo in np.argwhere(near):
             place = _followed(leaves[echo], stands[echo], int(wall), walls, float(cell[echo]))
             explained[echo] |= places.query(place)[0] <= EXPECTED_CELLS * cell[echo]
@@ -83,7 +83,7 @@ def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: Im
     with np.errstate(invalid="ignore"):
         share, along = crossing(leaves, stands, *wall)
         behind = (1.0 - share) * length
-        cell, beam = np.asarray(view.cell(range_)), view.width(range_ - behind)
+        cell, beam = view.cell(range_), view.width(range_ - behind)
         inside = (0.5 - np.abs(along - 0.5)) * float(np.linalg.norm(wall[1] - wall[0]))
         far = np.minimum(share * length, behind) > BEHIND_CELLS * cell
         return np.asarray(far & (inside > -beam) & (inside < INSIDE_CELLS * cell))

@@ -17,10 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, any_curved
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 SCATTERED = "was scattered by a rough wall on the way to something else and back"
@@ -191,7 +190,7 @@ def _objects(order: Order, echoes: Echoes) -> _Objects:
     view = order.sight.view
     objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
     objects = objects.take(view.brightest(objects.position, objects.amplitude))
-    through = order.sight.seen_through(objects.range, objects.direction)
+    through = order.sight.through(objects)
     objects, through = objects.take(through != UNSEEN), through[through != UNSEEN]
     places = np.empty_like(objects.position)
     for index in np.unique(through):

@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import ROOT, Array, Mask
 from mirrorfold.detection import Echoes, ImageView, any_curved
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 
 SHORT_CUT = "took a short cut by a rough wall one way, and came by mirrors the other"
@@ -39,7 +38,7 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
     found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
     if not isinstance(view, ImageView):
         return found
-    through = sight.seen_through(echoes.range, echoes.direction)
+    through = sight.through(echoes)
     objects = np.flatnonzero(echoes.strong & (order.face < 0) & (through >= 0))
     objects = objects[view.brightest(echoes.position[objects], echoes.amplitude[objects])]
     for last in np.unique(through[objects]):

@@ -24,12 +24,12 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Chain, Index, Mask
+from mirrorfold.common.types import ROOT, Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.grouping import connected, object_numbers
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 
 TO_AND_FRO = "went to and fro between an object and a wall, or another object"
 
@@ -78,7 +78,7 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
         place, later, behind = _behind(objects[chain], stands, way, sight, number[chain])
         pairs = _Pairs(
             stands[place], true[chain][later], behind, level[place],
-            objects[chain].amplitude[later], np.asarray(view.cell(objects[chain].range[later])),
+            objects[chain].amplitude[later], view.cell(objects[chain].range[later]),
         )  # fmt: skip
         for told in _turned_at(walls, pairs, view.range_cell):
             marks[chain][later[told]] = True
@@ -126,9 +126,10 @@ def _turned_at(walls: Sequence[Array], pairs: _Pairs, range_cell: float) -> Iter
 
 
 def _turned_beside(others: Sequence[tuple[cKDTree, float]], pairs: _Pairs, range_cell: float) -> Iterator[Mask]:
-    """Which echoes behind places turned at another object than their own and that of the place, (n,), for each object.
+    """Which echoes behind places turned at an object beside the place, (n,), for each of the objects.
 
-    Between two objects, which both spread the wave, the echo is weaker than either. `range_cell` is in [m].
+    That object is neither the one at the place, nor the one that would stand at the echo. Both objects spread the wave,
+    so that the echo is weaker than either. `range_cell` is in [m].
     """
     for places, brightest in others:
         away, own = (places.query(place)[0] for place in (pairs.place, pairs.echo))
@@ -202,7 +203,7 @@ def _peaks(echoes: Echoes, view: ImageView) -> Index:
 def _brightest(echoes: Echoes, view: ImageView) -> Array:
     """Amplitude of the brightest echo of each echo's own object, of those before it or unresolved from it, (n,)."""
     level = echoes.amplitude.copy()
-    of_object = object_numbers(view, echoes.range, echoes.direction) if len(echoes) else np.empty(0, dtype=np.intp)
+    of_object = object_numbers(view, echoes) if len(echoes) else np.empty(0, dtype=np.intp)
     for number in np.unique(of_object):
         own = np.flatnonzero(of_object == number)
         own = own[np.argsort(echoes.range[own])]

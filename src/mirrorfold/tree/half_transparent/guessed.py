@@ -83,7 +83,7 @@ def passage(
     there = _shown(view, echoes.position, [_seen_around(other, by_chain, by_chain[chain], view) for other in around])
     faces = [other.face_fold(other.face.position) for other in others if other.chain]
     mirrored = _shown(view, folded, [*faces, *(other.fold(other.objects.position) for other in others)])
-    number = object_numbers(view, echoes.range, echoes.direction)
+    number = object_numbers(view, echoes)
     # An object that is seen at both places decides nothing.
     passed = _of_marked_objects(number, there & ~mirrored, view, echoes)
     reflected = _of_marked_objects(number, mirrored & ~there, view, echoes)
@@ -98,7 +98,7 @@ def _seen_around(
     Those are left out because every mirror that shows the wall also shows, behind it, the objects that it reflects.
     """
     leaves, stands = last_leg(node.objects, by_chain[node.chain], view)
-    return stands[~met_by([wall], leaves, stands, np.asarray(view.cell(node.objects.range)))]
+    return stands[~met_by([wall], leaves, stands, view.cell(node.objects.range))]
 
 
 def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) -> Mask:
@@ -110,5 +110,5 @@ def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) 
 def _shown(view: View, places: Array, seen: Sequence[Array]) -> Mask:
     """Which places (n, d) [m] agree with one of the places in `seen`, arrays of (m, d) [m]: (n,)."""
     elsewhere = np.concatenate([np.empty((0, view.dimensions)), *seen])
-    cell = np.asarray(view.cell(np.linalg.norm(places - view.radar, axis=1)))
+    cell = view.cells_at(places)
     return np.asarray(cKDTree(elsewhere).query(places)[0] < SAME_PLACE * cell)
