@@ -12,7 +12,7 @@ import numpy as np
 
 from mirrorfold.common.types import ROOT
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
-from mirrorfold.detection.finding import Finder, find_mirrors
+from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.search.edge_on import edge_on
 from mirrorfold.detection.search.growing import lies_on
 from mirrorfold.detection.search.lines import MINIMUM_CELLS
@@ -27,7 +27,6 @@ def completed(
     view: ImageView,
     echoes: Echoes,
     shortest: float,
-    find: Finder = find_mirrors,
 ) -> list[Mirror]:
     """The mirrors, prolonged across shadows and faint gaps; and new ones: rows joined to one, and walls seen edge-on.
 
@@ -47,7 +46,7 @@ def completed(
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
     sighted = loose.take(through == ROOT)
-    found = find(view, sighted, minimum_length=0.5 * shortest)
+    found = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
     rows = [row for row in found if isinstance(row, LineMirror)]
     halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
     whole = joined(halves, view, sighted, clear, shortest)

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
-from mirrorfold.detection.finding import Finder, find_mirrors, usual_settings
+from mirrorfold.detection.finding import find_mirrors, usual_settings
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
@@ -52,7 +52,6 @@ def find_tree(
     measured: Measured | None = None,
     besides: Sequence[Mirror] = (),
     earlier: Found | None = None,
-    find: Finder = find_mirrors,
 ) -> Found:
     """Steps 2 to 4: the mirrors, their order, and the echoes that are seen through each.
 
@@ -73,13 +72,11 @@ def find_tree(
         Curved and short mirrors, used besides those that are found; see `mirrorfold.tree.evidence`.
     earlier : Found, optional
         A result for the same image with other mirrors. The reasons `BY_SWEEP` against its echoes hold here, too.
-    find : callable
-        Step 2: `find_mirrors`, or another function with its arguments.
     """
     measured, searched = measured or Measured(), known is None and not settings.published
     if known is not None and not len(known):  # where an empty list of mirrors is given, the image stays as it is
         settings = replace(settings, copies=False)
-    agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
+    agree = partial(agreed, settings=settings, known=known, besides=besides)
     reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
     if earlier is not None:
         reasons.recall(earlier, besides)
@@ -250,7 +247,6 @@ def agreed(
     walls: Mask | None = None,
     besides: Sequence[Mirror] = (),
     overhangs: Overhangs | None = None,
-    find: Finder = find_mirrors,
 ) -> tuple[Order, Echoes]:
     """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
 
@@ -258,7 +254,7 @@ def agreed(
     """
     ordered = partial(
         _found_and_ordered, view=view, settings=settings, known=known, walls=walls, besides=besides,
-        overhangs=overhangs or Overhangs.nothing(), find=find,
+        overhangs=overhangs or Overhangs.nothing(),
     )  # fmt: skip
     return _until_agreed(ordered, echoes, settings)
 
@@ -283,15 +279,14 @@ def _found_and_ordered(
     walls: Mask | None,
     besides: Sequence[Mirror],
     overhangs: Overhangs,
-    find: Finder,
 ) -> Order:
     """Steps 2 and 3, each once; for the arguments see `find_tree`."""
     ordered = partial(order_mirrors, view=view, echoes=echoes, settings=settings, walls=walls)
-    rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
-    mirrors = find(view, rows, minimum_length=settings.minimum_length, tested=not settings.published, known=known)
+    rows = echoes.take(~on_rows(besides, view, echoes))
+    shortest, tested = settings.minimum_length, not settings.published
+    mirrors = find_mirrors(view, rows, minimum_length=shortest, tested=tested, known=known)
     if known is None and isinstance(view, ImageView) and len(view.corners):
-        shortest = settings.minimum_length or usual_settings(view, echoes)["minimum_length"]
-        lone = lone_legs(mirrors, view, shortest)
+        lone = lone_legs(mirrors, view, shortest or usual_settings(view, echoes)["minimum_length"])
         mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
     mirrors, rest = overhangs.on(mirrors, view), list(besides)
     order = ordered([*mirrors, *rest])
@@ -305,7 +300,7 @@ def _found_and_ordered(
     if settings.published:
         return order
     if isinstance(view, ImageView):
-        more = overhangs.on(completed(mirrors, order, view, echoes, settings.minimum_length or 0.0, find), view)
+        more = overhangs.on(completed(mirrors, order, view, echoes, settings.minimum_length or 0.0), view)
         if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
             order = ordered([*more, *rest])
     return without_bent(order, ordered)

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -64,6 +66,11 @@ class View(ABC):
     wavelength: float
     normalization: str
     window: Array
+
+    @cached_property
+    def searches(self) -> dict[bytes, Any]:
+        """Results of searches for mirrors in this view, see `mirrorfold.detection.find_mirrors`."""
+        return {}
 
     @property
     def range_unit(self) -> float:
