@@ -75,7 +75,7 @@ def test_the_remark_tells_what_may_have_passed_through_a_wall(view, passed, deci
     tree = tree_of(view, [], [[0.1, 1.6], [0.0, 1.7]], [])
     points = replace(fold_back(tree), passed=np.array(passed), decided=np.array([decided] * 2))
     nothing = SimpleNamespace(range=np.empty(0), direction=np.empty(0), take=lambda _: nothing)
-    sight = SimpleNamespace(seen_through=lambda *_: np.empty(0, dtype=int))
+    sight = SimpleNamespace(through=lambda _: np.empty(0, dtype=int))
     found = SimpleNamespace(tree=tree, sight=sight, explained=nothing, explanation=np.empty(0, dtype=str))
     remark = _remark(None, found, points, FoldSettings(min_confidence=0.0), None, None)
     assert remark.startswith(said)

@@ -122,7 +122,7 @@ class Steps(NamedTuple):
 def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
     """Strong echoes farther behind a row than an object is deep, (n,)."""
     crossing = row.crossing(view)[echoes.direction]
-    return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
+    return echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range))
 
 
 def with_rows(

@@ -34,4 +34,4 @@ def object_numbers(view: View, echoes: Echoes, depth: float | None = None) -> In
 def connected(pairs: Index, count: int) -> Index:
     """Number of the group that each of `count` echoes belongs to, (count,); `pairs` (n, 2) are those that touch."""
     touching = coo_array((np.ones(len(pairs)), pairs.T), shape=(count, count))
-    return np.asarray(connected_components(touching, directed=False)[1])
+    return connected_components(touching, directed=False)[1]

@@ -76,7 +76,7 @@ def find_every_kind(
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             corners = measured.corners
-            found, rows, _ = find_short(found, view, steps, minimum_length=shortest, corners=corners, besides=rows)
+            found, rows = find_short(found, view, steps, minimum_length=shortest, corners=corners, besides=rows)
         # Short and curved walls are half-transparent as often as other walls.
         if both and rows:
             found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))

@@ -86,7 +86,7 @@ class Cover(NamedTuple):
         for step, until, level in zip(*self, strict=True):
             within = (step[direction] <= range_) & (range_ < until[direction])
             hidden = np.maximum(hidden, np.where(within, level[direction], 0.0))
-        return np.asarray(amplitude > hidden)
+        return amplitude > hidden
 
 
 def hiding_levels(objects: Echoes, view: View) -> Array:
@@ -201,7 +201,7 @@ class LinesOfSight:
         """Number of the mirror through which points at ranges [m] in directions are seen, or ROOT or UNSEEN, (n,)."""
         crossing, through = self.passages
         passed = np.sum([ranges[direction] < range_ for ranges in crossing], axis=0, dtype=np.intp)
-        return np.asarray(through[passed, direction])
+        return through[passed, direction]
 
     def through(self, echoes: Echoes) -> Index:
         """Number of the mirror through which each of the echoes is seen, or ROOT or UNSEEN, (n,)."""

@@ -154,4 +154,4 @@ def place_covariance(places: Array, way: Sequence[Mirror]) -> Array:
 def _reflection_matrices(mirror: Mirror, seen: Array) -> Array:
     """Reflection matrices (n, d, d) of a mirror where lines of sight through places (n, d) [m] of the image meet it."""
     normal = mirror.facing(seen)[1]
-    return np.asarray(np.eye(seen.shape[1]) - 2.0 * np.einsum("ni,nj->nij", normal, normal))
+    return np.eye(seen.shape[1]) - 2.0 * np.einsum("ni,nj->nij", normal, normal)

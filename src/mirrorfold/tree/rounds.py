@@ -181,7 +181,7 @@ class _Reasons:
     @property
     def stays(self) -> Mask:
         """Which of the `echoes` have no reason against them, (n,)."""
-        return np.asarray(self._reason[self._index] == "")
+        return self._reason[self._index] == ""
 
     def note(self, which: Mask, why: str | Names) -> None:
         """Note the reason against some of the `echoes`, marked by `which` (n,)."""

@@ -40,8 +40,8 @@ def find_short(
     minimum_length: float,
     corners: Callable[[Array], Mask] | None = None,
     besides: Sequence[Mirror] = (),
-) -> tuple[Found, list[Mirror], list[Mirror]]:
-    """Steps 2 to 4 once more with short mirrors: the result, the mirrors, and the rejected rows, see `with_rows`.
+) -> tuple[Found, list[Mirror]]:
+    """Steps 2 to 4 once more with short mirrors: the result, and the mirrors with those of `besides`.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def find_short(
         Mirrors of `found` that steps 2 to 4 do not find by themselves, such as curved ones.
     """
     proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length, corners=corners)
-    return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)
+    return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)[:2]
 
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:

@@ -130,7 +130,8 @@ def test_so_many_cells_of_an_object_tell_of_all_its_echoes(cells, expected):
 
 def test_places_are_the_same_up_to_a_cell_and_a_half_there():
     """The radar stands at (1, 0) m, and a cell is a tenth of the range."""
-    view = SimpleNamespace(dimensions=2, radar=np.array([1.0, 0.0]), cell=lambda range_: 0.1 * range_)
+    radar = np.array([1.0, 0.0])
+    view = SimpleNamespace(dimensions=2, cells_at=lambda places: 0.1 * np.linalg.norm(places - radar, axis=1))
     places = np.array([[2.0, 0.0], [4.0, 0.0]])
     np.testing.assert_array_equal(_shown(view, places, [places + np.array([0.2, 0.0])]), [False, True])
     assert not _shown(view, places, []).any()

@@ -120,7 +120,7 @@ class Mirror(ABC):
     @property
     def ends(self) -> Array:
         """Ends of its horizontal middle line, (2, d) [m]."""
-        return np.asarray(self.center + self.sides[0][:, None] * self.tangents[0])
+        return self.center + self.sides[0][:, None] * self.tangents[0]
 
     @property
     def size(self) -> float:
@@ -145,7 +145,7 @@ class Mirror(ABC):
         """Whether points (n, d) lie at most `beside` [m] from its face and `beyond` [m] past its ends, (n,)."""
         place, (first, last) = (points - self.center) @ self.tangents.T, self.sides.T
         inside = np.all((place >= first - beyond) & (place <= last + beyond), axis=-1)
-        return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
+        return (np.abs(self.beside(points)) <= beside) & inside
 
     def facing(self, points: Array) -> tuple[Array, Array]:
         """A point and the unit normal of the line or plane that the line of sight through each of points (n, d) meets.
@@ -189,11 +189,11 @@ class Mirror(ABC):
     def own(self, view: View, echoes: Echoes) -> Mask:
         """Which echoes lie on its face, to within the resolution cell across it, (n,)."""
         _, face, across = self.near(view, echoes)
-        return np.asarray(face & (np.abs(self.beside(echoes.position)) <= across))
+        return face & (np.abs(self.beside(echoes.position)) <= across)
 
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
-        return np.asarray((points - self.center) @ self.inward(view))
+        return (points - self.center) @ self.inward(view)
 
 
 class ChainFold:

@@ -243,18 +243,18 @@ class View(ABC):
 
         At the angle a to the line of sight it is ``sqrt((range_cell cos(a))^2 + (cross_cell sin(a))^2)``.
         """
-        return np.asarray(np.sqrt(self.squares(points)(along)))
+        return np.sqrt(self.squares(points)(along))
 
     def extent_each(self, points: Array, along: Array) -> Array:
         """The `extent` [m] at points (n, d), each along a unit vector of its own, (n, d); returns (n,)."""
         cross = self.cross_cell(points) ** 2
         cosine = np.sum(unit_or_zero(points - self.radar) * along, axis=1)
-        return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
+        return np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2)
 
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in numbered directions; not finite where the range is not."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(self.radar + range_[..., None] * self.sight[direction])
+            return self.radar + range_[..., None] * self.sight[direction]
 
     def meets(self, normal: Array, center: Array) -> Array:
         """Range [m] at which each line of sight meets an infinite line or plane, (n,); infinite where it does not."""

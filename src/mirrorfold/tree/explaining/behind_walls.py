@@ -149,4 +149,4 @@ def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, ce
         for tangent, (first, last) in zip(tangents, wall.sides, strict=True):
             along = offset @ tangent
             met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * cell
-    return np.asarray(met)
+    return met

@@ -103,7 +103,7 @@ def _quantile(values: Array, share: float) -> Array:
     ordered = np.sort(values, axis=1)
     place = share * np.maximum(np.count_nonzero(np.isfinite(values), axis=1) - 1, 0)[:, None]
     low, high = (np.take_along_axis(ordered, edge(place).astype(np.intp), axis=1) for edge in (np.floor, np.ceil))
-    return np.asarray(low + (place % 1.0) * (high - low))[:, 0]
+    return (low + (place % 1.0) * (high - low))[:, 0]
 
 
 def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin: Array) -> Mask:
@@ -121,7 +121,7 @@ def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin:
         near, start = SAME_CELLS * view.range_cell, (begin - view.range[0]) / view.dr
         columns = echoes.direction, SAMPLES_PER_CELL, view.amplitude_by_direction
         _strongest_copies(row, *columns, delays, level[delays], start, near / view.dr, begin.any(), copy_amplitude)
-    return np.asarray(echoes.amplitude <= margin * copy_amplitude)
+    return echoes.amplitude <= margin * copy_amplitude
 
 
 @njit(nogil=True, error_model="numpy")

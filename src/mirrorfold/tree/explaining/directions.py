@@ -85,7 +85,7 @@ def direction_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array)
     beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
     ring = np.broadcast_to(np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1), (range_.size, 2 * beams + 1))
     level = _bistatic(waves, view, range_, u[:, None], np.column_stack([ring, u]))[..., 0]
-    return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
+    return level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny)
 
 
 def amplitude_at(
@@ -102,7 +102,7 @@ def amplitude_at(
     """
     level = _bistatic(waves, view, range_, u[:, None], u[:, None], (sent, received))[:, 0, 0]
     tx, rx = (aperture.weight for aperture in waves.apertures)
-    return np.asarray(level / ((sent @ tx) * (received @ rx)))
+    return level / ((sent @ tx) * (received @ rx))
 
 
 def confocal_share(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:

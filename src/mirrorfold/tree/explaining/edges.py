@@ -95,4 +95,4 @@ def _foot(view: View, echoes: Echoes, before: Mask, beside: Mask) -> Mask:
                            for some in (before, ~before, before & ~beside))  # fmt: skip
     foot = before & ((beyond > inside) & (far <= FALLEN * beyond))[number]
     outshone = brightest_of(level, np.where(before, 0.0, amplitude))[level] > amplitude
-    return np.asarray(foot & outshone)
+    return foot & outshone

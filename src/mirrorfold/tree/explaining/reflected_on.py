@@ -86,7 +86,7 @@ def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: Im
         cell, beam = view.cell(range_), view.width(range_ - behind)
         inside = (0.5 - np.abs(along - 0.5)) * float(np.linalg.norm(wall[1] - wall[0]))
         far = np.minimum(share * length, behind) > BEHIND_CELLS * cell
-        return np.asarray(far & (inside > -beam) & (inside < INSIDE_CELLS * cell))
+        return far & (inside > -beam) & (inside < INSIDE_CELLS * cell)
 
 
 def _followed(leaves: Array, place: Array, first: int, walls: Sequence[Array], cell: float) -> Array:

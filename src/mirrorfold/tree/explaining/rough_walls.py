@@ -102,7 +102,7 @@ class _Surface:
 
     def depth_behind(self, echoes: Echoes) -> Array:
         """Distance of each echo behind the wall along its line of sight, (n,) [m]."""
-        return np.asarray(echoes.range - self.crossing[echoes.direction])
+        return echoes.range - self.crossing[echoes.direction]
 
     def median_amplitude(self, depth: Array, counts: Mask) -> Array:
         """Median amplitude of the image at given distances behind places of the wall, (m,); infinite without places.
@@ -131,7 +131,7 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
     distance, beyond = square_distances(rough.places, wall)
     at, off = rough.of(echoes), EXPECTED_CELLS * rough.view.range_cell
     before = beyond[at] <= rough.view.cell(echoes.range)
-    return np.asarray(before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off))
+    return before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off)
 
 
 class _Objects(NamedTuple):
@@ -182,7 +182,7 @@ def _of_objects(
     if corners is not None:
         bright = (found[:, some] & ~faint).any(axis=0)
         legs[bright] = corners(objects.seen[some[bright]])
-    return np.asarray((found[:, some] & (faint | legs)).any(axis=1))
+    return (found[:, some] & (faint | legs)).any(axis=1)
 
 
 def _objects(order: Order, echoes: Echoes) -> _Objects:

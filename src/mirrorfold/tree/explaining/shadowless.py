@@ -73,4 +73,4 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     meets = summed(met)
     casts_none = (meets >= BEFORE * summed(np.ones(met.size))) & (summed(met & (nearest <= depth[covering])) == 0.0)
     casts_none &= summed(shown) >= np.maximum(meets * brightest**2, summed(met * usual**2))
-    return np.asarray(casts_none[number])
+    return casts_none[number]

@@ -68,4 +68,4 @@ def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Ec
     made &= np.abs(view.u[echoes.direction][:, None] - view.u[bright.direction]) <= ACROSS_CELLS * view.u_cell
     made &= np.abs(echoes.range[:, None] - bright.range) >= FROM_IMAGE_CELLS * view.range_cell
     made &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * bright.amplitude
-    return np.asarray(made.any(axis=1))
+    return made.any(axis=1)

@@ -104,11 +104,11 @@ def _seen_around(
 def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) -> Mask:
     """Which echoes are of objects with enough resolution cells that hold `marked` echoes, (n,)."""
     pairs = np.unique(np.stack([number, view.cell_numbers(echoes.position)])[:, marked], axis=1)
-    return np.asarray((np.bincount(pairs[0], minlength=int(number.max(initial=0)) + 1) >= FEWEST)[number])
+    return (np.bincount(pairs[0], minlength=int(number.max(initial=0)) + 1) >= FEWEST)[number]
 
 
 def _shown(view: View, places: Array, seen: Sequence[Array]) -> Mask:
     """Which places (n, d) [m] agree with one of the places in `seen`, arrays of (m, d) [m]: (n,)."""
     elsewhere = np.concatenate([np.empty((0, view.dimensions)), *seen])
     cell = view.cells_at(places)
-    return np.asarray(cKDTree(elsewhere).query(places)[0] < SAME_PLACE * cell)
+    return cKDTree(elsewhere).query(places)[0] < SAME_PLACE * cell

@@ -115,16 +115,16 @@ class Pairs:
     @cached_property
     def power(self) -> Array:
         """Power of every echo over all frequencies, in both polarizations, (n,)."""
-        return np.asarray(np.sum(power_of(self.te) + power_of(self.tm), axis=-1))
+        return np.sum(power_of(self.te) + power_of(self.tm), axis=-1)
 
     def log_likelihood(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of a `misfit`, up to a constant."""
-        return np.asarray(-self.independent * misfit / (MISMATCH**2 + self.noise))
+        return -self.independent * misfit / (MISMATCH**2 + self.noise)
 
     @property
     def other(self) -> Array:
         """`log_likelihood` of other echoes, (n,): its mean over all pairs of amplitudes, of a mean misfit of a half."""
-        return np.asarray(np.log(OTHER_SHARE) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise)))
+        return np.log(OTHER_SHARE) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise))
 
     def mixed(self, reflected: Array, passed: Array) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, from the misfits (w, n) of
@@ -135,7 +135,7 @@ class Pairs:
 
     def alone(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of one kind, from its misfit (w, n), and of others, summed over echoes, (w,)."""
-        return np.asarray(np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1))
+        return np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1)
 
     def with_metal(self, spread_db: float) -> float:
         """Logarithm of the likelihood of a metal mirror, whose objects may return one polarization stronger than the
@@ -185,7 +185,7 @@ def best_mixture(
 
 def power_of(values: Spectra) -> Array:
     """Squared magnitude, of the same shape."""
-    return np.asarray(values.real**2 + values.imag**2)
+    return values.real**2 + values.imag**2
 
 
 @dataclass(frozen=True)
@@ -313,4 +313,4 @@ def _covariance(cost: Callable[[Array], float], at: Array) -> Array:
         [cost(at + a + b) - cost(at + a - b) - cost(at - a + b) + cost(at - a - b) for b in units] for a in units
     ]) / (4.0 * DERIVATIVE_STEP**2)  # fmt: skip
     value, vector = np.linalg.eigh(slopes)
-    return np.asarray((vector / np.maximum(value, LEAST_EIGENVALUE)) @ vector.T)
+    return (vector / np.maximum(value, LEAST_EIGENVALUE)) @ vector.T

@@ -88,7 +88,7 @@ class Glints:
         """Weight of each echo: one over the number of echoes that overlap with it, itself included, (n,)."""
         apart = np.abs(self.place[:, None] - self.place)
         near = (apart[..., 0] <= OVERLAP[0]) & (apart[..., 1:] <= OVERLAP[1]).all(axis=-1)
-        return np.asarray(1.0 / near.sum(axis=1))
+        return 1.0 / near.sum(axis=1)
 
     def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS, kinds: int = 2) -> Array:
         """Logarithms of the likelihoods of echoes that walls reflected, and of echoes that passed through, over that of
@@ -122,7 +122,7 @@ class Glints:
         return best_mixture(reflected, passed, np.log(OTHER_SHARE), lambda each: each @ self.weight)
 
     def _alone(self, reflected: Array) -> Array:
-        return np.asarray(np.logaddexp(reflected, np.log(OTHER_SHARE)) @ self.weight)
+        return np.logaddexp(reflected, np.log(OTHER_SHARE)) @ self.weight
 
     def log_odds(self, pane: Pane) -> Array:
         """Logarithm of the odds that each echo passed through the wall, against reflection, (n,)."""
