@@ -73,10 +73,9 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
     "rows that end where echoes are much fainter": ({lines: {"FAINTER_CELLS": np.inf}}, {}),
     "rows that end at corners": (
-        {rounds: {name: lambda *given: np.zeros((0, 2)) for name in ("vertices", "bright_places")}},
+        {rounds: {"vertices": lambda *given: np.zeros((0, 2))}},
         {},
     ),
-    "single legs of corners": ({rounds: {"lone_legs": lambda mirrors, *given: [False] * len(mirrors)}}, {}),
     "legs of corners that are short rows": ({short_rows: {"bright_places": lambda *given: np.zeros((0, 2))}}, {}),
     "side lobes in range": ({image_to_view: {"_weights": lambda *given: np.zeros(0)}}, {}),
     "rings": ({side_lobes: {"SMALLEST_PART": 1.0}, outshone: {"LONGEST_ROW": np.inf}}, {}),

@@ -18,13 +18,13 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
-from mirrorfold.detection.finding import find_mirrors, usual_settings
+from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.tree.assignment import ITSELF, Found, assign_echoes, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
-from mirrorfold.tree.explaining.corners import bright_places, lone_legs, vertices
+from mirrorfold.tree.explaining.corners import vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 from mirrorfold.tree.explaining.late_walls import LATE_WALL, from_late_walls
@@ -140,7 +140,7 @@ def _new_corners(mirrors: Sequence[Mirror], view: View, measured: Measured) -> A
     """
     if measured.corners is None or not isinstance(view, ImageView):
         return np.zeros((0, 2))
-    asked = np.concatenate([vertices(mirrors), bright_places(mirrors, view)])
+    asked = vertices(mirrors)
     asked = asked[~view.near_corner(asked)]
     return asked[measured.corners(asked)]
 
@@ -285,9 +285,6 @@ def _found_and_ordered(
     rows = echoes.take(~on_rows(besides, view, echoes))
     shortest, tested = settings.minimum_length, not settings.published
     mirrors = find_mirrors(view, rows, minimum_length=shortest, tested=tested, known=known)
-    if known is None and isinstance(view, ImageView) and len(view.corners):
-        lone = lone_legs(mirrors, view, shortest or usual_settings(view, echoes)["minimum_length"])
-        mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
     mirrors, rest = overhangs.on(mirrors, view), list(besides)
     order = ordered([*mirrors, *rest])
     if known is not None or not settings.opaque:
