@@ -88,7 +88,6 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "beams beyond the ends of mirrors": ({assignment: {"beyond_ends": lambda order, echoes, owner: owner}}, {}),
     "beams before the ends of mirrors": ({assignment: {"before_ends": lambda order, echoes, owner: owner}}, {}),
     "what only earlier rounds have hidden": ({rounds: {"shown_at_last": lambda order, echoes, seen, *given: seen}}, {}),
-    "late walls": ({rounds: {"from_late_walls": nobody}}, {}),
     "what would stand behind walls": ({explained_by_tree: {"behind_walls": nobody}}, {}),
     "what would stand behind objects": ({explained_by_tree: {"behind_objects": nobody_at_all}}, {}),
     "what goes to and fro": ({explained_by_tree: {"to_and_fro": nobody_at_all}}, {}),

@@ -27,7 +27,6 @@ from mirrorfold.tree.explaining.copies import COPY, copies
 from mirrorfold.tree.explaining.corners import vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
-from mirrorfold.tree.explaining.late_walls import LATE_WALL, from_late_walls
 from mirrorfold.tree.explaining.lobes import LOBE
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
@@ -127,7 +126,6 @@ def _note_causes(
         rescattered = clear & scattered(order, seen, measured.corners)
         reasons.note(rescattered & (order.face != ROOT), SCATTERED)
         reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
-        reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE_WALL)
     if measured.explain is not None:
         reasons.test(measured.explain, clear, order.flattened(seen))
     return rescattered

@@ -15,7 +15,6 @@ With the order of the mirrors, in each of the `rounds`:
 * `copies`: the echo repeats a stronger one, by the tail of the pulse or a layer in a wall.
 * `rough_walls`: a rough wall scattered it towards another wall or an object, and back.
 * `short_cuts`: it went straight from a rough wall to an object, and back by way of mirrors.
-* `late_walls`: it went to and fro between two walls, and comes from beyond the ambiguous range.
 * `edges`: it stands beside the end of a mirror, and is seen by way of that mirror all the same.
 * `shadowless`: it stands before a wall whose echoes go on undimmed, so that it hides little.
 
