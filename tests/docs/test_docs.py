@@ -58,6 +58,7 @@ def test_links_lead_to_files_and_headings(page):
         if target.startswith(("http", "mailto")):
             continue
         path, _, anchor = target.partition("#")
+        assert path or not anchor[:1].isdigit(), f"{page.name} leads to {target}, which the site does not find: a digit"
         led = (page.parent / path).resolve() if path else page
         assert led.exists(), f"{page.name} leads to {target}"
         assert not str(led.relative_to(ROOT)).startswith(MADE), f"{page.name} leads to {target}, which a build makes"

@@ -160,7 +160,7 @@ def _sweep(contents: Contents, mapping: Mapping | None) -> xr.Dataset:
         raise InputError(
             f"{contents.path}: holds {listed(contents.spectra.parameters)} and no positions that are understood"
             f"{f' ({unread})' if unread else ''}; give --positions, a table that says where the antennas stood for "
-            "each file, or in a table of all samples the columns tx_x_mm, rx_x_mm and so on"
+            "each file, or of one file with all pairs the place of each antenna (antenna, x_mm, y_mm)"
         )
     if (sweep := _known(contents)) is not None:
         return sweep

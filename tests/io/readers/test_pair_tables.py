@@ -45,6 +45,8 @@ def wide(path, f, s, form, unit="fGHz", scale=1e9, parts=("_re", "_im")):
         for i in range(s.shape[2]):
             values = s[:, j, i]
             both = (np.abs(values), np.degrees(np.angle(values))) if "deg" in parts[1] else (values.real, values.imag)
+            if "dB" in parts[0]:
+                both = (20 * np.log10(both[0]), both[1])
             columns += both
             headings += [form.format(i + 1, j + 1) + part for part in parts]
     return write(path, headings, np.stack(columns, axis=-1))
@@ -52,7 +54,13 @@ def wide(path, f, s, form, unit="fGHz", scale=1e9, parts=("_re", "_im")):
 
 @pytest.mark.parametrize(
     ("form", "parts"),
-    [("S_{}_{}", ("_re", "_im")), ("S_{}_{}", ("_mag", "_deg")), ("S({},{})", (" real", " imag"))],
+    [
+        ("S_{}_{}", ("_re", "_im")),
+        ("S_{}_{}", ("_mag", "_deg")),
+        ("S({},{})", (" real", " imag")),
+        ("Rx{}_Tx{}", ("_re", "_im")),
+        ("tx{1}rx{0}", ("_dB", "_phase_deg")),
+    ],
 )
 def test_a_wide_table_is_a_cube(tmp_path, measured, form, parts):
     f, tx, rx, s = measured

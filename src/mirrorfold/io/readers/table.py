@@ -54,7 +54,12 @@ HALVES = {
 }  # fmt: skip
 """What a column of each kind holds, in words."""
 
-PARAMETER = re.compile(r"S\s*[_\[(]?\s*(?:(\d+)\s*[,_]\s*(\d+)|(\d)(\d)(?!\d))[\])]?", re.IGNORECASE)
+PARAMETER = re.compile(
+    r"(?<![a-z])tx[\s_]*(?P<tx>\d+)[\s_,]*rx[\s_]*(?P<rx>\d+)|(?<![a-z])rx[\s_]*(?P<to>\d+)[\s_,]*tx[\s_]*(?P<of>\d+)|"
+    r"S\s*[_\[(]?\s*(?:(\d+)\s*[,_]\s*(\d+)|(\d)(\d)(?!\d))[\])]?",
+    re.IGNORECASE,
+)
+"""A pair in a heading: ``tx12_rx3`` or ``rx3_tx12``, or ``S_3_12``, which was received by 3 from 12."""
 
 WORD = r"(?<![a-z])(?:{})(?![a-z])"
 
@@ -218,6 +223,8 @@ def _name(text: str) -> str:
     match = PARAMETER.search(text)
     if match:
         out, into = (int(part) for part in match.groups() if part)
+        if match["tx"]:
+            out, into = into, out
         return f"S{out}{into}" if max(out, into) < 10 else f"S{out},{into}"
     return re.sub(r"[^A-Za-z0-9]+", " ", text).strip() or "s"
 

@@ -1,17 +1,9 @@
-"""The positions of the antennas for each file of a scan, from a table (CSV) or a description (TOML or JSON).
-
-A CSV has a column ``file`` (a name, or a pattern with ``*`` that fits one file) and the columns ``tx_x, tx_y, tx_z,
-rx_x, rx_y, rx_z``; or ``x, y, z`` of one antenna that transmits and receives; or ``azimuth, elevation`` of a beam.
-Coordinates that are left out are zero. A unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``.
-"""
+"""The positions of the antennas for each file of a scan, from a table (CSV) or a description (TOML or JSON)."""
 
 from __future__ import annotations
 
-import csv
 import re
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,52 +12,26 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from mirrorfold.common.reading import named_by
-from mirrorfold.common.units import KINDS, UNITS, Quantity, unit_named
+from mirrorfold.common.units import UNITS, Quantity
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.model import Coordinate, Finite, Places, Row, Strict, Unit, in_one_unit
 from mirrorfold.io.mapping.quantities import Quantities
 from mirrorfold.io.mapping.strict import read_written, validated
 from mirrorfold.io.readers import Contents
-from mirrorfold.io.readers.contents import read_bytes
-from mirrorfold.io.readers.lines import LONGEST_CELL, parse_number
-
-Place = tuple[float, float, float]
-
-COLUMNS_BY_KIND = {
-    "pair": ("tx_x", "tx_y", "tx_z", "rx_x", "rx_y", "rx_z"),
-    "position": ("x", "y", "z"),
-    "beam": ("azimuth", "elevation"),
-}
-"""Columns by what they describe: the places of a pair, the position of one antenna, or the direction of a beam."""
-
-ANGLES = COLUMNS_BY_KIND["beam"]
+from mirrorfold.io.scans.position_tables import (
+    ANGLES,
+    COLUMNS_BY_KIND,
+    FILE_NAMES,
+    FilePosition,
+    places_of_antennas,
+    read_table,
+)
 
 INDICES = ("tx", "rx", "position")
 """Placeholders in a pattern of file names that stand for the number of a place."""
 
-FILE_NAMES = ("file", "filename", "file_name", "name", "path")
-"""Names of the entry with the file, also in tables of other origin."""
-
 LISTS = ("file", "files", "measurements", "records", "entries")
 """Names of the list of files, also in descriptions of other origin."""
-
-
-@dataclass(frozen=True)
-class FilePosition:
-    """A line of a table: one file and the places of its antennas.
-
-    Attributes
-    ----------
-    file : str
-    where : str
-        Place of the line, for messages.
-    numbers : dict
-        Coordinates by the names in `COLUMNS_BY_KIND`, in metres and degrees.
-    """
-
-    file: str
-    where: str
-    numbers: dict[str, float]
 
 
 Triple = Annotated[list[Finite], Field(min_length=2, max_length=3)]
@@ -172,11 +138,22 @@ def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[FilePosition
         scan = validated(Scan, content, str(path))
         if scan.table is not None:
             with named_by(path, scan.table, "table") as table:
-                return scan, _read_table(table)
+                return scan, _lines_of_files(table)
         if scan.file is not None:
             return scan, [_of_entry(path, n, entry, scan.unit) for n, entry in enumerate(scan.file)]
         return scan, None
-    return Scan(table=path.name), _read_table(path)
+    kind, lines = read_table(path)
+    if kind == "antenna":
+        return validated(Scan, places_of_antennas(path, lines), str(path)), None
+    return Scan(table=path.name), lines
+
+
+def _lines_of_files(path: Path) -> list[FilePosition]:
+    """The lines of a table that a description names."""
+    kind, lines = read_table(path)
+    if kind == "antenna":
+        raise InputError(f"{path}: is a table of antennas; give it by itself, or the antennas in the description")
+    return lines
 
 
 def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> FilePosition:
@@ -191,84 +168,6 @@ def _of_entry(path: Path, number: int, entry: Entry, unit_of_all: str) -> FilePo
             numbers |= {f"{prefix}{axis}": unit * value for axis, value in zip("xyz", place, strict=False)}
     numbers |= {name: getattr(entry, name) for name in ANGLES if getattr(entry, name) is not None}
     return FilePosition(entry.file, where, numbers)
-
-
-def _read_table(path: Path) -> list[FilePosition]:
-    """The lines of a CSV."""
-    try:
-        text = read_bytes(path, growth=20.0).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text ({error.reason}); save the table as CSV in UTF-8") from None
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1)]
-    lines = [(number, line) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise InputError(f"{path}: holds no lines; expected the headings file, tx_x, tx_y ... and a line for each file")
-    number, heading = lines[0]
-    delimiter = next((mark for mark in (";", "\t") if mark in heading), ",")
-    headings = [cell.strip() for cell in _cells(path, number, heading, delimiter)]
-    columns = [_heading(path, number, cell) for cell in headings]
-    names = [name for name, _ in columns]
-    twice = sorted(name for name, count in Counter(names).items() if count > 1 and name)
-    if "file" not in names or twice:
-        problem = f"names {', '.join(twice)} twice" if twice else "has no column 'file'"
-        raise InputError(f"{path}: line {number}, {heading[:80]!r}, {problem}; expected file, tx_x, tx_y ... once each")
-    result = []
-    for number, line in lines[1:]:
-        cells = _cells(path, number, line, delimiter)
-        if len(cells) != len(columns):
-            raise InputError(f"{path}: line {number}, {line[:80]!r}, has {len(cells)} columns, expected {len(columns)}")
-        numbers: dict[str, float] = {}
-        file = ""
-        for cell, (name, unit), title in zip(cells, columns, headings, strict=True):
-            if name == "file":
-                file = cell.strip()
-            elif name:
-                value = parse_number(cell, decimal_comma=delimiter != ",")
-                if not isinstance(value, float) or not np.isfinite(value):
-                    raise InputError(f"{path}: line {number} holds {cell[:40]!r} as {title}, expected a number")
-                numbers[name] = unit * value
-        if not file:
-            raise InputError(f"{path}: line {number}, {line[:80]!r}, names no file")
-        result.append(FilePosition(file, f"{path}: line {number}", numbers))
-    return result
-
-
-def _cells(path: Path, number: int, line: str, delimiter: str) -> list[str]:
-    """The cells of a line of a CSV."""
-    try:
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
-    except (csv.Error, StopIteration) as error:
-        raise InputError(f"{path}: line {number}, {line[:80]!r}, is no line of a CSV ({error})") from None
-
-
-HEADING = re.compile(r"^([a-z_ ]+?)[ _]*(?:[\[(]\s*(\w+)\s*[\])]|_(mm|cm|um|m|inch|in|degree|deg|radian|rad))?$")
-
-
-def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
-    """Name of a column, and the factor of its unit; the name is empty for columns that are not needed."""
-    text = cell.strip().strip('"').lower()
-    if text in FILE_NAMES:
-        return "file", 1.0
-    match = HEADING.match(text) if len(text) <= LONGEST_CELL else None
-    known = {name for group in COLUMNS_BY_KIND.values() for name in group}
-    name = match[1].strip().replace(" ", "_") if match else ""
-    name = {"az": "azimuth", "el": "elevation"}.get(name, name)
-    if match is None or name not in known:
-        if re.match(r"^(tx|rx|[xyz]|az|el)([_ \[(]|$)", text):
-            raise InputError(
-                f"{path}: line {number} has the heading {cell.strip()!r}, which is not understood; expected one of "
-                f"{', '.join(sorted(known))}, with a unit such as tx_x_mm"
-            )
-        return "", 1.0
-    said = match[2] or match[3]
-    expected = KINDS["angle" if name in ANGLES else "length"]
-    unit = unit_named(said) if said else None
-    if said and unit not in expected:
-        raise InputError(
-            f"{path}: line {number} has the heading {cell.strip()!r} with the unit {said!r}, expected one of "
-            f"{', '.join(expected)}"
-        )
-    return name, UNITS[unit] if unit else 1.0
 
 
 PLACEHOLDER = re.compile(r"\{(\w+)\}")

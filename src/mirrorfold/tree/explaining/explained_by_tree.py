@@ -18,6 +18,7 @@ from mirrorfold.tree.explaining.behind_walls import (
     flat_objects,
     prolonged_where_hidden,
 )
+from mirrorfold.tree.explaining.flanks import flanks
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -50,6 +51,7 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
         node.chain: np.select([cause(node) for _, cause in causes], [reason for reason, _ in causes], "")
         for node in found.tree.walk()
     })  # fmt: skip
+    found = _without(found, {node.chain: flanks(node.objects, found, view) for node in found.tree.walk()})
     # Only objects that are kept hide others.
     marks = behind_objects(found, view)
     return _without(found, {chain: np.where(hidden, BEHIND_AN_OBJECT, "") for chain, hidden in marks.items()})

@@ -179,7 +179,8 @@ def _face(echoes: Echoes, view: ImageView) -> tuple[Array, Array]:
     level, cells = _brightest(echoes, view), view.in_cells(echoes.position)
     near = cKDTree(cells).query_pairs(GAP_CELLS, output_type="ndarray")
     apart = np.linalg.norm(cells[near[:, 0]] - cells[near[:, 1]], axis=1)
-    graph = coo_array((np.maximum(apart, np.finfo(float).tiny), near.T), shape=(len(cells), len(cells)))
+    pairs = near.T.astype(np.int32)  # the only indices that the spanning trees of SciPy 1.14 take
+    graph = coo_array((np.maximum(apart, np.finfo(float).tiny), pairs), shape=(len(cells), len(cells)))
     link = minimum_spanning_tree(graph.tocsr()).tocoo()
     count = np.maximum(np.ceil(2.0 * link.data).astype(int) - 1, 0)
     step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
