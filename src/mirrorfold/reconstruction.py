@@ -27,7 +27,7 @@ from mirrorfold.common.facts import VOXELS
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.settings import takes
-from mirrorfold.common.types import Array, Mask, Progress
+from mirrorfold.common.types import ROOT, Array, Mask, Progress
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import STEEPEST, depression, find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors
@@ -52,7 +52,6 @@ from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarizations, polarized
 from mirrorfold.tree.kinds import find_every_kind
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.measured import Measured, Measurer, measured_by_sweep, no_measurements
 from mirrorfold.tree.rounds import agreed
 

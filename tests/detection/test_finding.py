@@ -9,7 +9,6 @@ import pytest
 from synthetic import diffuse, radar_view, together
 
 from mirrorfold.detection import ArcMirror, LineMirror, find_echoes, find_mirrors, finding
-from mirrorfold.detection.finding import with_cache
 
 
 def lines(mirrors):
@@ -24,38 +23,35 @@ def seen():
 
 @pytest.mark.slow
 def test_the_same_question_is_answered_once_and_any_other_anew(seen, monkeypatch):
-    view, echoes = seen
-    asked = []
+    view, asked, search = replace(seen[0]), [], finding.lines.find_lines
+    echoes = seen[1]
 
-    def counted(view, echoes, **options):
+    def counted(echoes, view, **options):
         asked.append(options)
-        return find_mirrors(view, echoes, **options)
+        return search(echoes, view, **options)
 
-    monkeypatch.setattr(finding, "find_mirrors", counted)
-    find = with_cache()
     hidden = replace(echoes, visible=echoes.position[:, 0] < 0.6)
     questions = [
         (echoes, {}), (echoes, {"minimum_length": 0.3}), (hidden, {"minimum_length": 0.3}),
         (echoes, {"minimum_length": 0.3, "tested": False}),
     ]  # fmt: skip
+    anew = [lines(find_mirrors(replace(view), which, **options)) for which, options in questions]
+    monkeypatch.setattr(finding.lines, "find_lines", counted)
     for again in range(2):
-        for which, options in questions:
-            assert lines(find(view, which, **options)) == lines(find_mirrors(view, which, **options))
+        assert [lines(find_mirrors(view, which, **options)) for which, options in questions] == anew
         assert len(asked) == len(questions), again
     # Equal echoes are the same question, whichever object holds them.
-    copy = replace(echoes, position=echoes.position.copy())
-    find(view, copy)
+    find_mirrors(view, replace(echoes, position=echoes.position.copy())).clear()
+    assert len(find_mirrors(view, echoes)) == 2
     assert len(asked) == len(questions)
-    assert len(find(view, echoes)) == 2
-    assert len(find(view, hidden, minimum_length=0.3)) == 1
+    assert len(find_mirrors(view, hidden, minimum_length=0.3)) == 1
 
 
 def test_given_mirrors_are_never_remembered(seen):
     view, echoes = seen
-    find = with_cache()
     for start in (-0.5, -0.4):
         given = np.array([[[start, 1.2], [0.5, 1.3]]])
-        assert find(view, echoes, known=given)[0].ends[0, 0] == pytest.approx(start, abs=0.02)
+        assert find_mirrors(view, echoes, known=given)[0].ends[0, 0] == pytest.approx(start, abs=0.02)
 
 
 def test_flat_mirrors_dim_no_echoes_and_curved_ones_do(seen):

@@ -48,7 +48,7 @@ def found(image):
 def with_mirror(found, **changes):
     """The same, with one mirror changed."""
     node = found.tree.mirrors[0]
-    return found._replace(tree=replace(found.tree, mirrors=(replace(node, mirror=replace(node.mirror, **changes)),)))
+    return found._replace(tree=replace(found.tree, mirrors=(replace(node, way=(replace(node.mirror, **changes),)),)))
 
 
 def test_what_was_folded_by_a_mirror_that_is_hardly_known_is_doubted(found):

@@ -12,6 +12,7 @@ from scipy.ndimage import map_coordinates
 from synthetic import empty_view
 
 from mirrorfold.common.geometry import Isometry
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import fold_of
@@ -20,7 +21,7 @@ from mirrorfold.folding import pictures
 from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import _place
 from mirrorfold.folding.pictures import BORDER_RADII, LARGEST_GROWTH, PIXEL_RADII, draw
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 
 
 def image_view():

@@ -58,8 +58,8 @@ def cells(view, *places):
 
 def found_of(view, direct, behind=(), face=(), explained=(), amplitude=1.0, mirror=WALL):
     parts = [echoes_at(view, np.reshape(part, (-1, 2)), amplitude) for part in (direct, behind, face, explained)]
-    node = MirrorTree(mirror, parts[2], parts[1], (), (0,))
-    tree = MirrorTree(None, parts[0].take([]), parts[0], (node,) if mirror is not None else (), ())
+    node = MirrorTree((mirror,), parts[2], parts[1], (), (0,))
+    tree = MirrorTree((), parts[0].take([]), parts[0], (node,) if mirror is not None else (), ())
     return Found(parts[0], tree, LinesOfSight.unfolded(view), parts[3], np.full(len(parts[3]), "comes from afar"))
 
 
@@ -198,10 +198,10 @@ def test_what_two_mirrors_show_is_no_likelier_than_either(view):
     exact = replace(WALL, angle_error=0.0, offset_error=0.0)
     none, one = echoes_at(view, np.empty((0, 2))), echoes_at(view, cells(view, (50, 0)))
     face = echoes_at(view, cells(view, (33, 0)))
-    deeper = MirrorTree(exact, none, one, (), (1, 0))
-    nodes = [MirrorTree(exact, face if index == 1 else none, one, (deeper,) if index == 1 else (), (index,))
+    deeper = MirrorTree((exact, exact), none, one, (), (1, 0))
+    nodes = [MirrorTree((exact,), face if index == 1 else none, one, (deeper,) if index == 1 else (), (index,))
              for index in range(11)]  # fmt: skip
-    found = found_of(view, np.empty((0, 2)))._replace(tree=MirrorTree(None, none, none, tuple(nodes), ()))
+    found = found_of(view, np.empty((0, 2)))._replace(tree=MirrorTree((), none, none, tuple(nodes), ()))
     points = with_confidence(fold_back(found.tree), found)
     sure = dict(zip(zip(points.chain, points.mirror, strict=True), points.confidence, strict=True))
     _, behind, on_it = (expit(weight[0] + 20.0 * weight[1]) for weight in WEIGHTS.values())

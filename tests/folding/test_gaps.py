@@ -32,8 +32,8 @@ def points_at(view, *places, mirror=None):
     range_, u = np.reshape(places, (-1, 2)).T
     echoes = echoes_at(view, view.to_points(RANGE_CELL * range_, U_CELL * u))
     nothing = echoes.take([])
-    children = () if mirror is None else (MirrorTree(mirror, nothing, echoes, (), (0,)),)
-    tree = MirrorTree(None, nothing, echoes if mirror is None else nothing, children, ())
+    children = () if mirror is None else (MirrorTree((mirror,), nothing, echoes, (), (0,)),)
+    tree = MirrorTree((), nothing, echoes if mirror is None else nothing, children, ())
     return fold_back(tree), tree
 
 
@@ -128,7 +128,7 @@ def test_a_rough_surface_whose_echoes_are_torn_apart_is_whole_again(seed):
     along = (echoes.position - start) @ (end - start) / np.linalg.norm(end - start)
     cell = float(view.cell_at(0.5 * (start + end)))
     torn = echoes.take(echoes.strong & (np.abs(along - 0.25) > 0.6 * cell))
-    tree = MirrorTree(None, echoes.take([]), torn, (), ())
+    tree = MirrorTree((), echoes.take([]), torn, (), ())
     points = fold_back(tree)
     closed = close_gaps(points, tree, view)
     truth = start + np.linspace(0.0, 1.0, 200)[:, None] * (end - start)

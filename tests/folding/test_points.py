@@ -11,13 +11,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, U_CELL, echoes_at, empty_view
 
 from mirrorfold.common.geometry import reflect
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.collection import _mirrors, _objects, _remark
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.folding.points import BLOB_CELLS, fold_back, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 NEAR = LineMirror(np.array([-0.3, 1.0]), np.array([0.3, 1.0]))
@@ -32,9 +33,9 @@ def view():
 def tree_of(view, direct, behind, both, *, mirrors=(NEAR, FAR), faces=((), ())):
     """One mirror seen in another, with what is seen directly, by way of the first, and by way of both."""
     parts = [echoes_at(view, np.reshape(places, (-1, 2))) for places in (direct, behind, both, *faces)]
-    deeper = MirrorTree(mirrors[1], parts[4], parts[2], (), (0, 0))
-    first = MirrorTree(mirrors[0], parts[3], parts[1], (deeper,), (0,))
-    return MirrorTree(None, parts[0].take([]), parts[0], (first,), ())
+    deeper = MirrorTree(tuple(mirrors[:2]), parts[4], parts[2], (), (0, 0))
+    first = MirrorTree((mirrors[0],), parts[3], parts[1], (deeper,), (0,))
+    return MirrorTree((), parts[0].take([]), parts[0], (first,), ())
 
 
 def test_each_echo_is_reflected_in_the_mirrors_of_its_way_the_last_first(view):
@@ -74,7 +75,7 @@ def test_the_remark_tells_what_may_have_passed_through_a_wall(view, passed, deci
     tree = tree_of(view, [], [[0.1, 1.6], [0.0, 1.7]], [])
     points = replace(fold_back(tree), passed=np.array(passed), decided=np.array([decided] * 2))
     nothing = SimpleNamespace(range=np.empty(0), direction=np.empty(0), take=lambda _: nothing)
-    sight = SimpleNamespace(seen_through=lambda *_: np.empty(0, dtype=int))
+    sight = SimpleNamespace(through=lambda _: np.empty(0, dtype=int))
     found = SimpleNamespace(tree=tree, sight=sight, explained=nothing, explanation=np.empty(0, dtype=str))
     remark = _remark(None, found, points, FoldSettings(min_confidence=0.0), None, None)
     assert remark.startswith(said)

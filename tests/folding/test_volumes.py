@@ -14,13 +14,13 @@ from scipy.ndimage import map_coordinates
 
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles
+from mirrorfold.common.types import ROOT
 from mirrorfold.detection import find_echoes, see, usual_settings
 from mirrorfold.focusing.scans.range_profiles import focus_raster
 from mirrorfold.folding import FoldSettings
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.sweep import make_raster_sweep
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.rounds import find_tree
 
 

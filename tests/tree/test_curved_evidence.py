@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, radar_view, together
 
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.finding import find_echoes, usual_settings
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror, gains
 from mirrorfold.detection.mirrors.curved import dimming, overlap
@@ -31,7 +32,6 @@ from mirrorfold.tree.evidence import (
     known_places,
     with_rows,
 )
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import order_mirrors
 from mirrorfold.tree.rounds import find_tree, ordered_again
 

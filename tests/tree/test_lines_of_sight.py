@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import RANGE_CELL, U_CELL, WAVELENGTH, echoes_at, empty_view, on_line
 
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.tree.lines_of_sight import (
@@ -16,8 +17,6 @@ from mirrorfold.tree.lines_of_sight import (
     ITSELF_CELLS,
     OPEN_CELLS,
     POINT_CELLS,
-    ROOT,
-    UNSEEN,
     Cover,
     LinesOfSight,
     hidden_at,

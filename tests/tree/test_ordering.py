@@ -9,11 +9,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import U_CELL, echoes_at, empty_view, on_line
 
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.0)
@@ -85,7 +86,7 @@ def test_the_legs_of_a_known_corner_are_mirrors_that_show_each_other(view, leg, 
     """Each leg is continued by the image of the other one. At least 0.65 of 0.3 m of a leg must be seen."""
     vertex, axes = np.array([0.0, 2.0]), np.array([[0.6, 0.8], [-0.8, 0.6]])
     cross = [line(vertex - leg * axis, vertex + leg * axis) for axis in axes]
-    told = view.told(corners=vertex[None] + 0.005) if known else view
+    told = view.knowing(corners=vertex[None] + 0.005) if known else view
     order, _ = ordered(told, cross, [vertex + 3.0 * axis for axis in axes], opaque=False)
     assert_array_equal(order.sight.parent, parents)
     assert_allclose(sum(mirror.length for mirror in order.mirrors), 4.0 * leg, atol=0.04)  # a line of sight at each end

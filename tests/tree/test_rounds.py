@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 from synthetic import echoes_at, empty_view, on_line
@@ -10,6 +12,7 @@ from synthetic import echoes_at, empty_view, on_line
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.tree import completion, rounds
 from mirrorfold.tree.rounds import find_tree
 
 WALL = np.array([[-0.5, 1.2], [0.5, 1.3]])
@@ -19,21 +22,24 @@ GHOST, DEEP = np.array([0.45, 1.9]), np.array([0.52, 2.2])
 SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.02, curved=False, copies=False, rough_walls=False)
 
 
+@contextmanager
 def finds(*answers):
-    """A search that gives one answer after the other, and then the last one again and again."""
+    """Searches give one answer after the other, and then the last one again and again."""
     left = list(answers)
 
     def find(view, echoes, **options):
         return [replace(mirror, strength=1.0) for mirror in (left.pop(0) if len(left) > 1 else left[0])]
 
-    return find
+    with patch.object(rounds, "find_mirrors", find), patch.object(completion, "find_mirrors", find):
+        yield
 
 
 def visible(*answers):
     """Whether the wall's own echoes, the one that it shows, and the one behind that are visible in the end."""
     view = empty_view()
     places = np.concatenate([on_line(*WALL, spacing=0.005), [GHOST, DEEP]])
-    found = find_tree(view, echoes_at(view, places), SETTINGS, find=finds(*answers))
+    with finds(*answers):
+        found = find_tree(view, echoes_at(view, places), SETTINGS)
     (mirror,) = found.tree.mirrors
     assert len(mirror.objects) == found.echoes.visible[-2]
     return bool(found.echoes.visible[:-2].all()), *found.echoes.visible[-2:].tolist()
@@ -62,6 +68,7 @@ def test_a_round_with_an_image_of_the_radar_keeps_curved_mirrors_besides():
     own = LineMirror(np.array([-0.05, 2.2]), np.array([0.05, 2.2]))
     arc = ArcMirror(middle=np.array([0.8, 1.4]), radius=0.2, first=np.pi, span=1.0, radar=np.zeros(2))
     places = np.concatenate([on_line(*mirror.ends, spacing=0.005) for mirror in (faces, own)])
-    found = find_tree(view, echoes_at(view, places), SETTINGS, find=finds([faces, own]), besides=[arc])
+    with finds([faces, own]):
+        found = find_tree(view, echoes_at(view, places), SETTINGS, besides=[arc])
     assert {type(node.mirror) for node in found.tree.mirrors} == {LineMirror, ArcMirror}
     assert len(list(found.tree.walk())) == 3

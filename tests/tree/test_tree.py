@@ -13,7 +13,8 @@ from synthetic import diffuse, empty_view, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import cross2
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.common.types import ROOT, UNSEEN
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 from mirrorfold.tree.mirror_tree import place_covariance
 
 A, B, C = wall((0.0, 1.2), 47.0, 0.8), wall((1.0, 1.25), 44.0, 0.9), wall((1.05, 2.05), 42.0, 1.0)

@@ -20,6 +20,11 @@ from mirrorfold.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mirrorfold.calibration.elements import ElementCalibration
+
+    Corrected = tuple[xr.Dataset, dict[str, Any], ElementCalibration | None]
+    """A corrected sweep, found facts of `Calibration`, and the calibration of the elements if it was found."""
+
 
 CABLE_ERROR = 0.1
 """Largest error of a given length of cable that a sphere may correct, as a share of the length. The length may come
@@ -220,10 +225,9 @@ def calibrate(
     del measured  # so that a sweep is freed as soon as a step has replaced it
     result = prepared(waiting.pop())
     facts: dict[str, Any] = {}
+    found: ElementCalibration | None = None
     with progress("calibrating") as report:
-        electrical = speed_of_light / wave_speed(
-            result
-        )  # electrical lengths of cable refer to the speed of light in vacuum
+        electrical = speed_of_light / wave_speed(result)  # lengths of cable refer to the speed of light in vacuum
         known: dict[str, Any] = {"at": places, "radius": sphere_radius}
         if cable_length:
             known["largest_common"] = CABLE_ERROR * abs(cable_length) / electrical
@@ -236,45 +240,56 @@ def calibrate(
                 del one
             empty = response = None
             facts["cable_period_m"] = 2.0 * ambiguous_range(result) * electrical
-        if sphere and find_displacement:
-            from mirrorfold.calibration.displacement import fit_displacement
-
-            vector, length, error = fit_displacement(spheres, **known)
-            facts |= {"rx_displacement_m": vector.tolist(), "rx_displacement_error_m": error.tolist()}
-            facts["cable_length_m"] = length * electrical
-            result = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(result, vector), length * electrical)
-        elif sphere:
-            found = mf.calibrate.estimate_elements(spheres, **known)
-            spheres.clear()
-            facts |= {
-                "cable_length_m": found.common_delay * electrical,
-                "elements_residual_m": found.residual,
-                "silent_tx": int((~found.tx_valid).sum()),
-                "silent_rx": int((~found.rx_valid).sum()),
-            }
-            result = mf.calibrate.apply_elements(result, found)
+            correct = _displaced_by if find_displacement else _corrected_by
+            result, told, found = correct(result, spheres, known, electrical)
+            facts |= told
         if elements is not None:
             result = mf.calibrate.apply_elements(result, mf.calibrate.load_elements(elements))
         result = mf.calibrate.displace_receivers(result, displacement) if displacement is not None else result
         result = mf.calibrate.time_gate(result, *gate_ranges) if gate_ranges is not None else result
         result = mf.calibrate.autofocus(result, progress=report) if autofocus else result
     files = [mf.save(result.assign_attrs(command=command.get()), output)]
-    if save_elements is not None:
+    if save_elements is not None and found is not None:
         files.append(mf.calibrate.save_elements(found, save_elements))
     history = [str(step) for step in result.attrs.get("processing", [])]
-    done = Calibration(kind="sweep", processing=history, **facts, files=list(map(str, files)))
     if json:
-        show_json(done)
+        show_json(Calibration(kind="sweep", processing=history, **facts, files=list(map(str, files))))
         return
-    for step in done.processing:
+    for step in history:
         say(step)
-    if done.rx_displacement_m is not None:
-        errors = [f"{1e3 * one:.2g}" if math.isfinite(one) else "unknown" for one in error]
+    if "rx_displacement_m" in facts:
+        errors = [f"{1e3 * one:.2g}" if math.isfinite(one) else "unknown" for one in facts["rx_displacement_error_m"]]
         say(f"standard errors of the displacement: {', '.join(errors)} mm")
-        say(f"the length of cable is known modulo {done.cable_period_m:.6g} m")
-    if done.elements_residual_m is not None:
-        say(f"left unexplained by the elements: {1e6 * done.elements_residual_m:.3g} um")
+        say(f"the length of cable is known modulo {facts['cable_period_m']:.6g} m")
+    if "elements_residual_m" in facts:
+        say(f"left unexplained by the elements: {1e6 * facts['elements_residual_m']:.3g} um")
     show_files(files)
+
+
+def _displaced_by(sweep: xr.Dataset, spheres: list[xr.Dataset], known: dict[str, Any], electrical: float) -> Corrected:
+    """The sweep with its receivers displaced, all alike, and its cable removed as sweeps of a sphere tell.
+
+    `known` tells where the sphere was, and how large; a length of cable is `electrical` times that of the waves.
+    """
+    from mirrorfold.calibration.displacement import fit_displacement
+
+    vector, length, error = fit_displacement(spheres, **known)
+    facts = {"rx_displacement_m": vector.tolist(), "rx_displacement_error_m": error.tolist()}
+    moved = mf.calibrate.remove_cable(mf.calibrate.displace_receivers(sweep, vector), length * electrical)
+    return moved, facts | {"cable_length_m": length * electrical}, None
+
+
+def _corrected_by(sweep: xr.Dataset, spheres: list[xr.Dataset], known: dict[str, Any], electrical: float) -> Corrected:
+    """As `_displaced_by`, with a delay and a gain of each element; the sweeps of the sphere are freed."""
+    found = mf.calibrate.estimate_elements(spheres, **known)
+    spheres.clear()
+    facts = {
+        "cable_length_m": found.common_delay * electrical,
+        "elements_residual_m": found.residual,
+        "silent_tx": int((~found.tx_valid).sum()),
+        "silent_rx": int((~found.rx_valid).sum()),
+    }
+    return mf.calibrate.apply_elements(sweep, found), facts, found
 
 
 def _check_options(given: dict[str, Any]) -> None:

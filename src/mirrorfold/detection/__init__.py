@@ -4,7 +4,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import find_echoes, find_mirrors, see, usual_settings
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.mirrors.mirror import Fold, Mirror, fold_of
+from mirrorfold.detection.mirrors.mirror import Fold, Mirror, any_curved, fold_of
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
@@ -20,6 +20,7 @@ __all__ = [
     "RoundMirror",
     "View",
     "VolumeView",
+    "any_curved",
     "find_echoes",
     "find_mirrors",
     "fold_of",

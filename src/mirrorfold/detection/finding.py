@@ -15,7 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.facts import VOLUME, VOXELS, doubt_angles
 from mirrorfold.common.threads import one_thread
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import UNSEEN, Array, Index
 from mirrorfold.detection import image_echoes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import gains
@@ -43,8 +43,8 @@ mirrors are sought. A wall of height H hides only what lies on the ground up to 
 as much of the ground in itself: here 2 H. What looks like a wall from higher up is a row of other bright things, such
 as parked cars."""
 
-Finder = Callable[..., Sequence[Mirror]]
-"""A function that finds mirrors, with the arguments and the result of `find_mirrors`."""
+MOST_SEARCHES = 100
+"""Number of searches for mirrors whose results a view keeps."""
 
 
 def see(image: xr.DataArray, *, normalization: str | None = None) -> View:
@@ -100,6 +100,8 @@ def find_mirrors(
 ) -> Sequence[Mirror]:
     """The mirrors of a view: straight rows or flat sheets among the visible echoes.
 
+    The view keeps the results, because the rounds of steps 2 to 4 often repeat a search.
+
     Parameters
     ----------
     view : View
@@ -129,28 +131,23 @@ def find_mirrors(
     if known is not None:
         return known_mirrors(known, echoes, view)
     length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
-    find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
-    with one_thread():
-        return find(echoes, view, minimum_length=length, tested=tested)
+    if (key := _question(view, echoes, length, tested)) not in view.searches:
+        if len(view.searches) >= MOST_SEARCHES:
+            view.searches.clear()
+        find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
+        with one_thread():
+            view.searches[key] = find(echoes, view, minimum_length=length, tested=tested)
+    return list(view.searches[key])
 
 
-def with_cache() -> Finder:
-    """`find_mirrors` for one view with a cache of its results: the rounds of steps 2 to 4 often repeat a search."""
-    answers: dict[bytes, Sequence[Mirror]] = {}
-
-    def find(view: View, echoes: Echoes, *, known: Array | None = None, **options: Any) -> Sequence[Mirror]:
-        if known is not None:
-            return find_mirrors(view, echoes, known=known, **options)
-        asked = sha256(repr(sorted(options.items())).encode())
-        if isinstance(view, ImageView):
-            asked.update(view.misplaced.tobytes())
-        for field in fields(echoes):
-            asked.update(np.asarray(getattr(echoes, field.name)).tobytes())
-        if (key := asked.digest()) not in answers:
-            answers[key] = find_mirrors(view, echoes, **options)
-        return answers[key]
-
-    return find
+def _question(view: View, echoes: Echoes, *options: Any) -> bytes:
+    """A digest of all that the mirrors of a view depend on, but for its samples."""
+    asked = sha256(repr(options).encode())
+    if isinstance(view, ImageView):
+        asked.update(view.misplaced.tobytes())
+    for field in fields(echoes):
+        asked.update(np.asarray(getattr(echoes, field.name)).tobytes())
+    return asked.digest()
 
 
 def depression(view: View, echoes: Echoes) -> float:
@@ -165,12 +162,12 @@ def depression(view: View, echoes: Echoes) -> float:
 def find_curved_rows(view: View, echoes: Echoes, own: Index) -> Sequence[Mirror]:
     """Curved rows or sheets of echoes, which may be mirrors: arcs in an image, cylinders and spheres in a volume.
 
-    `own` (n,) is the number of the mirror by way of which each echo is seen, -1 in line of sight. Echoes with different
-    numbers are searched separately; those with numbers below -1 are left out.
+    `own` (n,) is the number of the mirror by way of which each echo is seen, or `ROOT`. Echoes with different numbers
+    are searched separately; those that are `UNSEEN` are left out.
     """
     find: Callable[..., Sequence[Mirror]] = find_arcs if view.dimensions == 2 else find_round_sheets
     with one_thread():
-        return [row for way in np.unique(own[own >= -1]) for row in find(view, echoes.take(own == way))]
+        return [row for way in np.unique(own[own != UNSEEN]) for row in find(view, echoes.take(own == way))]
 
 
 def usual_settings(view: View, echoes: Echoes) -> dict[str, float]:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Index
 from mirrorfold.detection import View
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 
 FEWEST_PIXELS = 8
 """A block has at least this many pixels along each axis: the bounds of smaller blocks cost more than they spare."""

@@ -108,7 +108,7 @@ def _remark(
         wanted = given != 0 and settings.generations != 0
         return _without_mirrors(image, found, settings, given, from_above) if wanted else ""
     own = found.explained.take(found.explanation == ITSELF)
-    through = found.sight.seen_through(own.range, own.direction)
+    through = found.sight.through(own)
     said = [
         f"the radar sees itself in mirror {chain_name(found.sight.chain[index])}, "
         f"{np.median(own.range[through == index]):.3g} m away, and leaves this out"
@@ -198,7 +198,7 @@ def _pane(mirror: Mirror, transparent_walls: Sequence[TransparentWall]) -> dict[
 
 def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[TransparentWall] = ()) -> xr.Dataset:
     """The table of mirrors: each one in the unfolded image and at its true place."""
-    folds, errors = tree.folds(), tree.errors()
+    errors = tree.errors()
     nodes = [(node, node.mirror) for node in tree.walk() if node.mirror is not None]
     any_curved = any(mirror.curved for _, mirror in nodes)
     any_overhang = any(any(mirror.overhang) for _, mirror in nodes)
@@ -213,8 +213,8 @@ def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[Trans
 
     def row(node: MirrorTree, mirror: Mirror) -> dict[str, Any]:
         parent, chain = node.chain[:-1], chain_name(node.chain)
-        own = own_place(mirror, folds[()])
-        own |= {f"folded_{name}": value for name, value in own_place(mirror, folds[parent]).items()}
+        own = own_place(mirror, tree.fold)
+        own |= {f"folded_{name}": value for name, value in own_place(mirror, node.face_fold).items()}
         own |= {"parent": np.int32(index[parent]), "generation": np.int32(node.generation), "chain": chain}
         own |= {"confidence": mirror_confidence(points, chain)}
         own |= {name: getattr(mirror, name) for name in ("strength", "angle_error", "offset_error", "fill", "depth")}

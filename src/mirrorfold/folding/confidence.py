@@ -247,25 +247,24 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
     point on it is known as well as the mirror itself. Each mirror on the way moves what it shows by twice its own
     error: the error of its offset shifts the points, the error of its angle turns them about its center.
     """
-    folds, dimensions = tree.folds(), points.position.shape[1]
+    dimensions = points.position.shape[1]
     sight, range_ = unit_or_zero(points.initial - view.radar), np.linalg.norm(points.initial - view.radar, axis=1)
     along = np.einsum("ni,nj->nij", sight, sight)
     across = np.eye(dimensions) - along
     variance = (OWN_ERROR * view.range_cell) ** 2 * along
     variance += ((OWN_ERROR * view.cross_cell(points.initial)) ** 2)[:, None, None] * across
     mirror_variance = np.zeros_like(variance)
-    by_chain = tree.mirrors_by_chain()
-    for chain, way in by_chain.items():
-        if way:
-            on_it, mirror = points.mirror == chain_name(chain), way[-1]
+    for node in tree.walk():
+        if (mirror := node.mirror) is not None:
+            on_it = points.mirror == chain_name(node.chain)
             normal = mirror.facing(points.initial[on_it])[1]
             flat = np.eye(dimensions) - np.einsum("ni,nj->nij", normal, normal)
             variance[on_it] = flat @ variance[on_it] @ flat + mirror.displacement_covariance(points.initial[on_it])
-    for chain, way in by_chain.items():
-        seen = points.chain == chain_name(chain)
-        turn = turns(folds[chain], points.initial[seen])
+    for node in tree.walk():
+        seen = points.chain == chain_name(node.chain)
+        turn = turns(node.fold, points.initial[seen])
         variance[seen] = turn @ variance[seen] @ np.swapaxes(turn, -1, -2)
-        mirror_variance[seen] = place_covariance(points.initial[seen], way)
+        mirror_variance[seen] = place_covariance(points.initial[seen], node.way)
     cell = view.cell(range_, np.maximum(points.growth, 1.0))
     mirror_error = np.sqrt(np.trace(mirror_variance, axis1=1, axis2=2)) / cell
     return np.sqrt(np.einsum("nii->ni", variance + mirror_variance)), mirror_error

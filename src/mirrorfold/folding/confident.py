@@ -39,7 +39,7 @@ def passed_walls(objects: xr.Dataset) -> Mask:
     """Which points passed through a half-transparent wall, and so stand where the image shows them, (n,)."""
     if "wall" not in objects:
         return np.zeros(objects.sizes.get("point", 0), dtype=bool)
-    return np.asarray(objects["wall"].values.astype(str) != "")
+    return objects["wall"].values.astype(str) != ""
 
 
 def with_confident_points(reconstruction: xr.DataTree, min_confidence: float | None = None) -> xr.DataTree:

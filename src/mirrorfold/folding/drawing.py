@@ -13,8 +13,9 @@ import numpy as np
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.round_surfaces import reflection_point
+from mirrorfold.common.types import UNSEEN
 from mirrorfold.focusing.scans.range_profiles import at_point
-from mirrorfold.tree.lines_of_sight import UNSEEN, hidden_at, through_at
+from mirrorfold.tree.lines_of_sight import hidden_at, through_at
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")

@@ -83,9 +83,9 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
     initial = _on_surface(straight, points, cells, view)
     position = np.empty_like(initial)
-    for chain, fold in tree.folds().items():
-        own = new.chain == chain_name(chain)
-        position[own] = fold(initial[own])
+    for node in tree.walk():
+        own = new.chain == chain_name(node.chain)
+        position[own] = node.fold(initial[own])
     new = replace(
         new,
         position=position,
@@ -131,7 +131,7 @@ def _on_surface(places: Array, points: Points, cells: cKDTree, view: ImageView) 
     spread = (around @ squares / total).reshape(-1, 2, 2) - np.einsum("ni,nj->nij", mean, mean)
     along = np.linalg.eigh(spread)[1][:, :, -1]
     aside = places - middle - mean
-    return np.asarray(middle + mean + along * np.sum(aside * along, axis=1, keepdims=True))
+    return middle + mean + along * np.sum(aside * along, axis=1, keepdims=True)
 
 
 def _brightest_beside(places: Array, view: ImageView) -> Array:
@@ -139,4 +139,4 @@ def _brightest_beside(places: Array, view: ImageView) -> Array:
     range_, u = view.to_polar(places)
     depth, across = SPECK_CELLS * view.range_cell, SPECK_CELLS * view.u_cell
     sides = (0.0, 0.0), (depth, 0.0), (-depth, 0.0), (0.0, across), (0.0, -across)
-    return np.asarray(np.sqrt(np.max([view.power_at(range_ + far, u + aside) for far, aside in sides], axis=0)))
+    return np.sqrt(np.max([view.power_at(range_ + far, u + aside) for far, aside in sides], axis=0))

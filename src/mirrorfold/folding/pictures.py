@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.geometry import Isometry, reflect_each
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import Array, Chain, Index, Mask
+from mirrorfold.common.types import ROOT, Array, Chain, Index, Mask
 from mirrorfold.detection import ArcMirror, Fold, ImageView, RoundMirror, View, VolumeView, fold_of
 from mirrorfold.detection.mirrors.mirror import ChainFold
 from mirrorfold.folding.blocks import blocks
@@ -21,7 +21,7 @@ from mirrorfold.folding.drawing import draw_bent_row, draw_round_row, draw_row
 from mirrorfold.folding.points import BLOB_CELLS, Points, owned_blobs
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 
 Grid = tuple[Array, ...]
 """Pixel coordinates x and y, and z for a volume [m]."""
@@ -94,7 +94,7 @@ def _passed_pixels(points: Points, view: View, grid: Grid) -> NDArray[np.float32
     x, y = grid[:2]
     seen = points.initial[points.wall != ""]
     places = np.stack(np.broadcast_arrays(x, y[:, None]), axis=-1)
-    reach = BLOB_CELLS * np.asarray(view.cell(np.linalg.norm(seen - view.radar, axis=1)))
+    reach = BLOB_CELLS * view.cells_at(seen)
     distance, nearest = cKDTree(seen[:, :2]).query(places, distance_upper_bound=float(reach.max()))
     reach = np.append(reach, 0.0)
     return (distance <= reach[nearest]).astype(np.float32)

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
-from mirrorfold.common.types import Array, Chain, Index, Mask, Names
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Chain, Index, Mask, Names
 from mirrorfold.detection import Echoes, View
 from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.folding.magnification import magnified
 from mirrorfold.tree.half_transparent.transparent import TransparentWall
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 BLOB_CELLS = 1.5
@@ -119,13 +119,15 @@ def fold_back(tree: MirrorTree, view: View | None = None, transparent_walls: Seq
     transparent_walls : sequence of TransparentWall, optional
         Half-transparent walls, with the echoes that passed through them; their points come last.
     """
-    folds, by_chain = tree.folds(), tree.mirrors_by_chain()
     parts = []
     for node in tree.walk():
-        for echoes, chain, mirror in ((node.objects, node.chain, ()), (node.face, node.chain[:-1], node.chain)):
-            growth, caustic = magnified(by_chain[chain], echoes.position, view)
+        for echoes, bounces, fold, mirror in (
+            (node.objects, node.generation, node.fold, ()),
+            (node.face, max(node.generation - 1, 0), node.face_fold, node.chain),
+        ):
+            growth, caustic = magnified(node.way[:bounces], echoes.position, view)
             parts.append(Points.of(
-                echoes, folds[chain](echoes.position), bounces=np.int32(len(chain)), chain=chain_name(chain),
+                echoes, fold(echoes.position), bounces=np.int32(bounces), chain=chain_name(node.chain[:bounces]),
                 mirror=chain_name(mirror), growth=growth, caustic=caustic.astype(str),
             ))  # fmt: skip
     points = joined(*parts)

@@ -49,4 +49,4 @@ def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = 
         return None
     if grown and "growth" in objects.variables:
         across = across * objects["growth"].values
-    return np.asarray(np.hypot(depth, across))
+    return np.hypot(depth, across)

@@ -145,7 +145,7 @@ def _nearest(places: Array, points: Array) -> Array:
     along = np.sum((places[:, None] - start) * way, axis=-1) / np.sum(way * way, axis=-1)
     on_it = start + np.clip(along, 0.0, 1.0)[..., None] * way
     chosen = np.argmin(np.linalg.norm(places[:, None] - on_it, axis=-1), axis=1)
-    return np.asarray(on_it[np.arange(len(places)), chosen])
+    return on_it[np.arange(len(places)), chosen]
 
 
 def _placed(mirror: xr.Dataset) -> tuple[Array, Array, float]:

@@ -154,7 +154,7 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
 
 def doubted(passed: Array) -> Mask:
     """Which echoes are doubtful by their probability to have passed, (n,)."""
-    return np.asarray((passed > DOUBTFUL[0]) & (passed < DOUBTFUL[1]))
+    return (passed > DOUBTFUL[0]) & (passed < DOUBTFUL[1])
 
 
 def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mirrorfold.common.types import Chain, Mask, Names
-from mirrorfold.detection import Echoes, Mirror, fold_of
+from mirrorfold.common.types import ROOT, UNSEEN, Chain, Mask, Names
+from mirrorfold.detection import Echoes
 from mirrorfold.tree.explaining.edges import before_ends, beyond_ends
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, LinesOfSight, images_of_radar
+from mirrorfold.tree.lines_of_sight import LinesOfSight, images_of_radar
 from mirrorfold.tree.mirror_tree import MirrorTree
 from mirrorfold.tree.ordering import Order
 
@@ -66,7 +66,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     sight = order.sight
     if opaque:
         sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
-    through = sight.seen_through(echoes.range, echoes.direction)
+    through = sight.through(echoes)
     owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, UNSEEN)
     if opaque:
         order = replace(order, sight=sight)
@@ -74,23 +74,20 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
         owner[at_edges(order, echoes)] = UNSEEN
     chains: list[Chain] = [() for _ in order.mirrors]
 
-    def node(index: int, chain: Chain, way: tuple[Mirror, ...]) -> MirrorTree:
+    def node(index: int, chain: Chain) -> MirrorTree:
         children = np.flatnonzero(sight.parent == index)
         objects = echoes.take(owner == index)
         face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))
-        mirror = None
         if index != ROOT:
-            mirror = order.mirrors[index]
             chains[index] = chain
-            way = (*way, mirror)
             if opaque:
-                fold = fold_of(way, sight.view.dimensions)
+                fold = order.fold(index)
                 objects = objects.take(~sight.contradicted(objects, fold) & ~images_of_radar(sight.view, objects, fold))
-            face = mirror.snapped(sight.view, face)
-        below = tuple(node(int(child), (*chain, i), way) for i, child in enumerate(children))
-        return MirrorTree(mirror, face, objects, below, chain)
+            face = order.mirrors[index].snapped(sight.view, face)
+        below = tuple(node(int(child), (*chain, i)) for i, child in enumerate(children))
+        return MirrorTree(order.mirrors_to(index), face, objects, below, chain)
 
-    root = node(ROOT, (), ())
+    root = node(ROOT, ())
     return root, replace(sight, chain=tuple(chains))
 
 
@@ -104,7 +101,7 @@ def at_edges(order: Order, echoes: Echoes) -> Mask:
 def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
     """Which echoes are images of the radar's own antennas in mirrors, (n,)."""
     found, folds = np.zeros(len(echoes), dtype=bool), tree.folds()
-    through = np.where(echoes.visible & echoes.strong, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
+    through = np.where(echoes.visible & echoes.strong, sight.through(echoes), UNSEEN)
     for index, chain in enumerate(sight.chain):
         if chain and (seen := through == index).any():
             found[seen] = images_of_radar(sight.view, echoes.take(seen), folds[chain])

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mirrorfold.common.types import ROOT
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
-from mirrorfold.detection.finding import Finder, find_mirrors
+from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.search.edge_on import edge_on
 from mirrorfold.detection.search.growing import lies_on
 from mirrorfold.detection.search.lines import MINIMUM_CELLS
 from mirrorfold.detection.search.shadows import beyond_shadows, joined
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
@@ -27,17 +27,16 @@ def completed(
     view: ImageView,
     echoes: Echoes,
     shortest: float,
-    find: Finder = find_mirrors,
 ) -> list[Mirror]:
-    """The mirrors, prolonged across shadows and faint gaps, and further ones: joined rows, and walls seen edge-on.
+    """The mirrors, prolonged across shadows and faint gaps; and new ones: rows joined to one, and walls seen edge-on.
 
-    Only straight rows are prolonged; arcs are returned as they are. `shortest` [m] is the least length of a mirror.
+    Only straight mirrors are prolonged. `shortest` [m] is the least length of a mirror.
     """
     clear = order.sight.cover.clear
     loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
     lines = [mirror for mirror in mirrors if isinstance(mirror, LineMirror)]
     known = [mirror for mirror in order.mirrors if isinstance(mirror, LineMirror)]
-    through = order.sight.seen_through(loose.range, loose.direction)
+    through = order.sight.through(loose)
     longer = []
     for mirror in lines:
         # The image of a wall behind a mirror ends where that mirror ends: what goes on beside it is of another wall.
@@ -47,7 +46,7 @@ def completed(
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
     sighted = loose.take(through == ROOT)
-    found = find(view, sighted, minimum_length=0.5 * shortest)
+    found = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
     rows = [row for row in found if isinstance(row, LineMirror)]
     halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
     whole = joined(halves, view, sighted, clear, shortest)

@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mirrorfold.detection import Mirror, View
+from mirrorfold.common.types import UNSEEN
+from mirrorfold.detection import Mirror, View, any_curved
 from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Evidence, Steps, with_rows
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 FEWEST_CELLS = 3
@@ -60,19 +60,19 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
     lines = {index: by_chain[chain][-1] for index, chain in enumerate(sight.chain) if chain}
-    own, numbers = sight.seen_through(echoes.range, echoes.direction), np.array(list(lines), dtype=np.intp)
-    face = faces(list(lines.values()), view, echoes, 0.0, unseen=UNSEEN, root=ROOT)
+    own, numbers = sight.through(echoes), np.array(list(lines), dtype=np.intp)
+    face = faces(list(lines.values()), view, echoes, 0.0)
     own[face >= 0] = sight.parent[numbers[face[face >= 0]]]
-    curved = [index for index, chain in enumerate(sight.chain) if any(mirror.curved for mirror in by_chain[chain])]
+    curved = [index for index, chain in enumerate(sight.chain) if any_curved(by_chain[chain])]
     own[np.isin(own, curved)] = UNSEEN
     return find_curved_rows(view, echoes, own)
 
 
 def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> Order:
-    """The order without mirrors that are seen by way of a curved one; `ordered` makes the order of those that are left.
+    """The order without the mirrors that are seen by way of a curved one; `ordered` orders the others anew.
 
-    The image of a flat mirror in a curved one is not straight: a straight row there is no mirror.
+    A curved mirror shows no straight line as straight. So a straight row of echoes behind it is no image of a wall.
     """
-    bent = [any(mirror.curved for mirror in order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
+    bent = [any_curved(order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
     kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]
     return ordered(kept) if any(bent) else order

@@ -122,7 +122,7 @@ class Steps(NamedTuple):
 def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
     """Strong echoes farther behind a row than an object is deep, (n,)."""
     crossing = row.crossing(view)[echoes.direction]
-    return np.asarray(echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range)))
+    return echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range))
 
 
 def with_rows(
@@ -210,18 +210,17 @@ def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
 
     Left out are echoes seen by way of flat mirrors that are pieces of the rows: they were folded to wrong places.
     """
-    folds, by_chain = found.tree.folds(), found.tree.mirrors_by_chain()
     parts = [np.empty((0, view.dimensions))]
     for node in found.tree.walk():
-        for chain, echoes in ((node.chain, node.objects), (node.chain[:-1], node.face)):
-            if not any(_along(mirror, row, view) for mirror in by_chain[chain] for row in rows):
-                parts.append(folds[chain](echoes.position))
+        for way, fold, echoes in ((node.way, node.fold, node.objects), (node.way[:-1], node.face_fold, node.face)):
+            if not any(_along(mirror, row, view) for mirror in way for row in rows):
+                parts.append(fold(echoes.position))
     return np.concatenate(parts)
 
 
 def _flat_besides(found: Found, rows: Sequence[Mirror], view: View) -> list[Mirror]:
     """The flat mirrors found so far, where the image shows them, without those that are pieces of the rows."""
-    last = [mirrors[-1] for chain, mirrors in found.tree.mirrors_by_chain().items() if chain]
+    last = [node.mirror for node in found.tree.walk() if node.mirror is not None]
     return [mirror for mirror in last if not (mirror.curved or any(_along(mirror, row, view) for row in rows))]
 
 
@@ -238,7 +237,7 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
     by_chain = found.tree.mirrors_by_chain()
     cells, empty, confirmed, unconfirmed, shows = 0, 0, 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
-    through = sight.seen_through(echoes.range, echoes.direction)
+    through = sight.through(echoes)
     for index, chain in enumerate(sight.chain):
         way = by_chain[chain]
         if not way or not _part_of(way[-1], row):

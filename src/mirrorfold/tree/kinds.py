@@ -15,7 +15,7 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
-from mirrorfold.detection.finding import find_echoes, with_cache
+from mirrorfold.detection.finding import find_echoes
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.evidence import Steps
@@ -57,8 +57,7 @@ def find_every_kind(
     short : bool
         Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
     """
-    find = with_cache()
-    full_pass = partial(find_tree, view, settings=settings, measured=measured, find=find)
+    full_pass = partial(find_tree, view, settings=settings, measured=measured)
     found, rows, bent = full_pass(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
@@ -77,7 +76,7 @@ def find_every_kind(
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             corners = measured.corners
-            found, rows, _ = find_short(found, view, steps, minimum_length=shortest, corners=corners, besides=rows)
+            found, rows = find_short(found, view, steps, minimum_length=shortest, corners=corners, besides=rows)
         # Short and curved walls are half-transparent as often as other walls.
         if both and rows:
             found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))

@@ -15,7 +15,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import power_ratio_of, ratio_of
 from mirrorfold.common.kernels import njit
-from mirrorfold.common.types import Array, Chain, Index, Mask
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, View
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.detection.views.view import in_pieces
@@ -41,12 +41,6 @@ places may be part of the same object, which may show the radar its edge directl
 ITSELF_CELLS = 1.5
 """An echo that folds to a place this close to the antennas is the radar itself; in resolution cells at the echo's place
 in the image."""
-
-ROOT = -1
-"""Stands for the number of a mirror: seen directly, without any mirror."""
-
-UNSEEN = -2
-"""Stands for the number of a mirror: neither seen directly nor by way of any mirror."""
 
 
 class Cover(NamedTuple):
@@ -92,7 +86,7 @@ class Cover(NamedTuple):
         for step, until, level in zip(*self, strict=True):
             within = (step[direction] <= range_) & (range_ < until[direction])
             hidden = np.maximum(hidden, np.where(within, level[direction], 0.0))
-        return np.asarray(amplitude > hidden)
+        return amplitude > hidden
 
 
 def hiding_levels(objects: Echoes, view: View) -> Array:
@@ -104,7 +98,7 @@ def hiding_levels(objects: Echoes, view: View) -> Array:
     as rare for k cells as `CLEAR_DB` for one, one in a hundred: 10 dB for two cells, 6 dB for three, 4 dB for four.
     """
     own = ratio_of(CLEAR_DB) * objects.amplitude
-    number = object_numbers(view, objects.range, objects.direction)
+    number = object_numbers(view, objects)
     brightest = brightest_of(number, objects.amplitude)
     filled = np.unique(np.column_stack([number, np.rint(view.in_cells(objects.position))]), axis=0)[:, 0]
     cells = np.bincount(filled.astype(np.intp), minlength=brightest.size)
@@ -124,7 +118,7 @@ def shadow_ends(objects: Echoes, view: View) -> Array:
     """
     if not isinstance(view, ImageView) or not np.isfinite(view.wavelength):
         return np.full(len(objects), np.inf)
-    number = object_numbers(view, objects.range, objects.direction)
+    number = object_numbers(view, objects)
     count, u = int(number.max(initial=-1)) + 1, view.u[objects.direction]
     range_, first, last = np.zeros(count), np.full(count, np.inf), np.full(count, -np.inf)
     np.maximum.at(range_, number, objects.range)
@@ -207,7 +201,11 @@ class LinesOfSight:
         """Number of the mirror through which points at ranges [m] in directions are seen, or ROOT or UNSEEN, (n,)."""
         crossing, through = self.passages
         passed = np.sum([ranges[direction] < range_ for ranges in crossing], axis=0, dtype=np.intp)
-        return np.asarray(through[passed, direction])
+        return through[passed, direction]
+
+    def through(self, echoes: Echoes) -> Index:
+        """Number of the mirror through which each of the echoes is seen, or ROOT or UNSEEN, (n,)."""
+        return self.seen_through(echoes.range, echoes.direction)
 
     def clear(self, echoes: Echoes) -> Mask:
         """Which echoes no object hides, (n,)."""
@@ -232,7 +230,7 @@ class LinesOfSight:
         A beam at the edge of a mirror reaches over it, and also shows what is beside the mirror: such echoes were not
         seen by way of the mirror. `fold` maps the echoes to their true places, if the mirror shows them.
         """
-        mirror = self.seen_through(echoes.range, echoes.direction)
+        mirror = self.through(echoes)
         sides = self.view.beside(echoes.range, echoes.direction)
         at_edge = np.logical_or.reduce([self.seen_through(echoes.range, side) != mirror for side in sides])
         return at_edge & self.seen_empty(fold(echoes.position))
@@ -248,7 +246,7 @@ class LinesOfSight:
         """Range up to which the radar's direct view is empty in each direction, (n,) [m]; 0 where it does not look."""
         nearest = self.crossing.min(axis=0, initial=np.inf)
         met = np.flatnonzero(np.isfinite(nearest))
-        direct = echoes.take(self.seen_through(echoes.range, echoes.direction) == ROOT)
+        direct = echoes.take(self.through(echoes) == ROOT)
         points = np.concatenate([direct.position, self.view.points(nearest[met], met)])
         range_ = np.concatenate([direct.range, nearest[met]])
         empty = np.where(self.view.looks_at(echoes), self.view.range[-1], 0.0)

@@ -6,6 +6,7 @@ import json
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,8 +23,9 @@ class MirrorTree:
 
     Attributes
     ----------
-    mirror : Mirror or None
-        The mirror, straight or curved, where the unfolded image shows it. None for the root.
+    way : tuple of Mirror
+        The mirrors by way of which the radar looks here, where the unfolded image shows them; the node's own mirror is
+        the last one. Empty for the root.
     face : Echoes
         Echoes of the mirror's own surface, moved onto it.
     objects : Echoes
@@ -34,11 +36,30 @@ class MirrorTree:
         Index of each mirror among its parent's `mirrors`, from the root to this node; empty for the root.
     """
 
-    mirror: Mirror | None
+    way: tuple[Mirror, ...]
     face: Echoes
     objects: Echoes
     mirrors: tuple[MirrorTree, ...] = ()
     chain: Chain = ()
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """The mirror, straight or curved, where the unfolded image shows it; None for the root."""
+        return self.way[-1] if self.way else None
+
+    @cached_property
+    def fold(self) -> Fold:
+        """The map from the image to the true places of the node's objects.
+
+        It reflects across the node's own mirror first, which is a ghost itself, then across the mirrors of its parents,
+        up to the root.
+        """
+        return fold_of(self.way, self.objects.position.shape[1])
+
+    @cached_property
+    def face_fold(self) -> Fold:
+        """The map from the image to the true place of the node's mirror and of the echoes of its face."""
+        return fold_of(self.way[:-1], self.objects.position.shape[1])
 
     @property
     def line(self) -> Mirror | None:
@@ -63,21 +84,12 @@ class MirrorTree:
         return len(self.chain)
 
     def folds(self) -> dict[Chain, Fold]:
-        """For the chain of every node of this tree: the map from the image to the true places of the node's objects.
-
-        The map reflects across the node's own mirror first, which is a ghost itself, then across the mirrors of its
-        parents, up to the root.
-        """
-        dimensions = self.objects.position.shape[1]
-        return {chain: fold_of(way, dimensions) for chain, way in self.mirrors_by_chain().items()}
+        """For the chain of every node of this tree: its `fold`."""
+        return {node.chain: node.fold for node in self.walk()}
 
     def mirrors_by_chain(self) -> dict[Chain, tuple[Mirror, ...]]:
-        """For the chain of every node of this tree: the mirrors of the chain, the node's own mirror last."""
-        result: dict[Chain, tuple[Mirror, ...]] = {(): ()}
-        for node in self.walk():
-            if node.mirror is not None:
-                result[node.chain] = (*result[node.chain[:-1]], node.mirror)
-        return result
+        """For the chain of every node of this tree: its `way`."""
+        return {node.chain: node.way for node in self.walk()}
 
     def errors(self) -> dict[Chain, tuple[float, float]]:
         """Standard errors of every mirror at its true place, by chain: of its direction [degree] and position [m].
@@ -142,4 +154,4 @@ def place_covariance(places: Array, way: Sequence[Mirror]) -> Array:
 def _reflection_matrices(mirror: Mirror, seen: Array) -> Array:
     """Reflection matrices (n, d, d) of a mirror where lines of sight through places (n, d) [m] of the image meet it."""
     normal = mirror.facing(seen)[1]
-    return np.asarray(np.eye(seen.shape[1]) - 2.0 * np.einsum("ni,nj->nij", normal, normal))
+    return np.eye(seen.shape[1]) - 2.0 * np.einsum("ni,nj->nij", normal, normal)

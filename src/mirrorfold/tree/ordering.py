@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mirrorfold.common.stopping import go_on
-from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection import Echoes, Mirror, View, fold_of
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
+from mirrorfold.detection import Echoes, Fold, Mirror, View, fold_of
 from mirrorfold.detection.echoes import brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.tree.explaining.shadowless import levels_behind
-from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import ITSELF_CELLS, Cover, LinesOfSight
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings
@@ -56,7 +56,7 @@ class Order:
         """Which mirrors are images of the radar's own antennas in another mirror, (mirrors,)."""
         view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
         for index, mirror in enumerate(self.mirrors):
-            place = fold_of(self.mirrors_to(self.sight.parent[index]), view.dimensions)(mirror.center)
+            place = self.fold(self.sight.parent[index])(mirror.center)
             found[index] = view.on_radar(place[None], ITSELF_CELLS * view.cell_at(mirror.center))[0]
         return found
 
@@ -67,24 +67,25 @@ class Order:
             way, index = (self.mirrors[index], *way), int(self.sight.parent[index])
         return way
 
+    def fold(self, index: int) -> Fold:
+        """The map from the image to the true places of what is seen by way of mirror `index`, or directly (`ROOT`)."""
+        return fold_of(self.mirrors_to(index), self.sight.view.dimensions)
+
     def shown_by(self, echoes: Echoes) -> Index:
         """Number of the mirror by way of which each echo is seen, (n,); for echoes on a mirror, its parent."""
-        through = self.sight.seen_through(echoes.range, echoes.direction)
+        through = self.sight.through(echoes)
         return np.where(self.face == ROOT, through, self.sight.parent_of[self.face])
 
     def flattened(self, echoes: Echoes) -> Mask:
-        """Which echoes are seen by way of a concave mirror, (n,).
-
-        It gathers their waves, so that these have the curvature of waves from farther away.
-        """
+        """Which echoes are seen by way of a concave mirror, (n,): it flattens their waves, as a longer way would."""
         ways = [self.mirrors_to(index) for index in range(len(self.mirrors))]
         concave = [index for index, way in enumerate(ways) if any(mirror.curvature < 0.0 for mirror in way)]
-        return np.isin(self.sight.seen_through(echoes.range, echoes.direction), concave)
+        return np.isin(self.sight.through(echoes), concave)
 
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong`, and their `limit`, as they follow from this order."""
         visible = echoes.visible & self.sight.clear(echoes)
-        through = self.sight.seen_through(echoes.range, echoes.direction)
+        through = self.sight.through(echoes)
         strong, limit = echoes.strong.copy(), echoes.limit.copy()
         beam = np.rint(self.sight.view.in_cells(echoes.position)[:, 1:] / BEAM).astype(np.intp)
         beam -= beam.min(axis=0, initial=0)
@@ -136,11 +137,11 @@ def _ordered(
     mirrors: Sequence[Mirror], view: View, echoes: Echoes, settings: FoldSettings, walls: Mask | None
 ) -> Order:
     """`order_mirrors`, with any number of mirrors in a chain."""
-    met_at = cache(lambda mirror: mirror.crossing(view))  # it is asked for once for each other mirror
+    met_at = cache(lambda mirror: mirror.crossing(view))  # each pair of mirrors asks for it
     mirrors, remains = _cut(mirrors, view, settings, met_at)
     # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
     margin = settings.wall_margin or 0.0
-    face, edge = (faces(some, view, echoes, margin, unseen=UNSEEN, root=ROOT) for some in (mirrors, remains))
+    face, edge = (faces(some, view, echoes, margin) for some in (mirrors, remains))
     face[(face == ROOT) & (edge != ROOT)] = UNSEEN
     crossing = np.array([met_at(mirror) for mirror in mirrors]).reshape(len(mirrors), len(view.sight))
     objects = echoes.visible & echoes.strong & (face == ROOT) & settings.opaque

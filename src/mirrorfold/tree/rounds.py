@@ -1,8 +1,8 @@
 """Steps 2 to 4 in turn, until they agree.
 
 Mirrors are found among visible echoes only, but which echoes are visible follows from the mirrors. So mirrors are found
-and ordered again and again, each time with the echoes that the last order left visible. After that, echoes that are
-not of an object at their place are taken out, and the steps are repeated without them.
+and ordered again and again, each time with the echoes that the last order left visible. Then echoes at whose place no
+object stands are taken out, and the steps are repeated without them.
 """
 
 from __future__ import annotations
@@ -16,23 +16,21 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.stopping import go_on
-from mirrorfold.common.types import Array, Mask, Names
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
-from mirrorfold.detection.finding import Finder, find_mirrors, usual_settings
+from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.tree.assignment import AT_EDGE, ITSELF, Found, assign_echoes, at_edges, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
-from mirrorfold.tree.explaining.corners import bright_places, lone_legs, vertices
+from mirrorfold.tree.explaining.corners import vertices
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
-from mirrorfold.tree.explaining.late_walls import LATE_WALL, from_late_walls
 from mirrorfold.tree.explaining.lobes import LOBE
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.ordering import Order, order_mirrors
 
@@ -53,7 +51,6 @@ def find_tree(
     measured: Measured | None = None,
     besides: Sequence[Mirror] = (),
     earlier: Found | None = None,
-    find: Finder = find_mirrors,
 ) -> Found:
     """Steps 2 to 4: the mirrors, their order, and the echoes that are seen through each.
 
@@ -64,27 +61,25 @@ def find_tree(
         As `find_echoes` returns them.
     settings : FoldSettings
     known : array, optional
-        Given mirrors, used in the place of found ones, see `find_mirrors`.
+        Mirrors that the user gives; then none are searched for. See `find_mirrors`.
     walls : (n,) bool array, optional
         With given mirrors: which echoes are those of walls.
     measured : Measured, optional
         Tests by the sweep. When an echo fails a test and is left out, the echoes behind it become visible and are
         tested in their turn.
     besides : sequence of Mirror
-        Mirrors to be used besides those that are found, see `mirrorfold.tree.evidence`.
+        Curved and short mirrors, used besides those that are found; see `mirrorfold.tree.evidence`.
     earlier : Found, optional
-        A result for the same image with other mirrors. What the sweep told of its echoes, `BY_SWEEP`, is still true.
-    find : callable
-        Step 2: `find_mirrors`, or another function with its arguments.
+        A result for the same image with other mirrors. The reasons `BY_SWEEP` against its echoes hold here, too.
     """
     measured, searched = measured or Measured(), known is None and not settings.published
     if known is not None and not len(known):  # where an empty list of mirrors is given, the image stays as it is
         settings = replace(settings, copies=False)
-    agree = partial(agreed, settings=settings, known=known, besides=besides, find=find)
+    agree = partial(agreed, settings=settings, known=known, besides=besides)
     reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
     if earlier is not None:
         reasons.recall(earlier, besides)
-        view = _told(view, reasons)
+        view = _informed(view, reasons)
     while True:
         go_on()
         echoes = reasons.echoes
@@ -104,10 +99,10 @@ def find_tree(
         walls = None if walls is None else walls[reasons.stays]
         reasons.leave_out()
         if searched:
-            view = _told(view, reasons, corners)
+            view = _informed(view, reasons, corners)
     if searched and settings.opaque:
         seen = shown_at_last(order, echoes, seen, settings)
-    # Echoes that a rough wall scattered, and images of the radar itself, are no objects, but hide what is behind them.
+    # In the rounds, echoes that rough walls scattered hide what is behind them. Only now are they taken out.
     reasons.note(rescattered, SCATTERED)
     order = replace(order, face=np.where(rescattered, UNSEEN, order.face))
     tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
@@ -120,10 +115,10 @@ def find_tree(
 def _note_causes(
     reasons: _Reasons, order: Order, seen: Echoes, clear: Mask, settings: FoldSettings, measured: Measured
 ) -> Mask:
-    """Note why echoes in `clear` sight, (n,), are of no object, as the order of the mirrors and the sweep tell.
+    """Test all echoes in `clear` sight, (n,), and note the reasons why no object stands at the place of some.
 
-    Returns which echoes rough walls may have scattered, (n,). Of these, only those in a row that was taken for a mirror
-    are noted at once, because that mirror does not exist.
+    Returns which echoes rough walls may have scattered, (n,). They hide what is behind them, and stay until all rounds
+    are done. But a row of them that was taken for a mirror is noted at once, because that mirror does not exist.
     """
     rescattered = np.zeros_like(clear)
     if settings.copies:
@@ -132,38 +127,43 @@ def _note_causes(
         rescattered = clear & scattered(order, seen, measured.corners)
         reasons.note(rescattered & (order.face != ROOT), SCATTERED)
         reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
-        reasons.note(clear & (order.face == ROOT) & from_late_walls(order, seen), LATE_WALL)
     if measured.explain is not None:
         reasons.test(measured.explain, clear, order.flattened(seen))
     return rescattered
 
 
 def _new_corners(mirrors: Sequence[Mirror], view: View, measured: Measured) -> Array:
-    """Where an image shows vertices of corners that the view does not know yet, (c, 2) [m]; none without the sweep."""
+    """Vertices of right-angled corners that are not among the `corners` of the view yet, (c, 2) [m].
+
+    The sweep is asked at all places of the image where a corner may be; without the sweep there are none.
+    """
     if measured.corners is None or not isinstance(view, ImageView):
         return np.zeros((0, 2))
-    asked = np.concatenate([vertices(mirrors), bright_places(mirrors, view)])
+    asked = vertices(mirrors)
     asked = asked[~view.near_corner(asked)]
     return asked[measured.corners(asked)]
 
 
-def _told(view: View, reasons: _Reasons, corners: Sequence[Array] | Array = ()) -> View:
-    """The view of an image that knows its misplaced echoes, and further `corners` (c, 2) [m]; any other as it is."""
+def _informed(view: View, reasons: _Reasons, corners: Sequence[Array] | Array = ()) -> View:
+    """The view of an image with its misplaced echoes so far, and with further `corners` (c, 2) [m].
+
+    The view of a volume knows neither, and is returned as it is.
+    """
     if not isinstance(view, ImageView):
         return view
     misplaced = reasons.misplaced(NEAREST_LENGTHS * view.glint)
-    return view.told(misplaced=misplaced, corners=np.concatenate([view.corners, np.reshape(corners, (-1, 2))]))
+    return view.knowing(misplaced=misplaced, corners=np.concatenate([view.corners, np.reshape(corners, (-1, 2))]))
 
 
 BY_SWEEP = (LOBE, LATE, MIXED)
-"""Reasons against echoes that the sweep gives: they hold whatever mirrors are found, and later rounds keep them."""
+"""Reasons that follow from the sweep alone: they hold whatever mirrors are found."""
 
 OWN_SHARE = 0.5
 """Least share of an echo's energy that came back the way it went: with less, most of it is from mixed paths."""
 
 
 class _Reasons:
-    """The echoes that are kept, and the reason why each of the others is not of an object at its place.
+    """The echoes, and for each the reason why no object stands at its place, if there is one.
 
     Attributes
     ----------
@@ -180,16 +180,16 @@ class _Reasons:
     @property
     def stays(self) -> Mask:
         """Which of the `echoes` have no reason against them, (n,)."""
-        return np.asarray(self._reason[self._index] == "")
+        return self._reason[self._index] == ""
 
     def note(self, which: Mask, why: str | Names) -> None:
         """Note the reason against some of the `echoes`, marked by `which` (n,)."""
         self._reason[self._index[which]] = why
 
     def test(self, explain: Callable[[Echoes], Names], clear: Mask, flattened: Mask) -> None:
-        """Test the `echoes` that are in `clear` sight, (n,), each once, and note the reasons that `explain` returns.
+        """Test each of the `echoes` in `clear` sight, (n,), once, and note the reasons that `explain` returns.
 
-        The waves of `flattened` ones, (n,), seem to come from farther away than they do.
+        Concave mirrors flatten the waves of some echoes, `flattened` (n,), as a long way does: these are never late.
         """
         new = ~self._tested & clear & self.stays
         if new.any():
@@ -198,9 +198,9 @@ class _Reasons:
         self._tested |= new
 
     def recall(self, earlier: Found, besides: Sequence[Mirror]) -> None:
-        """Leave out echoes of which the sweep told an earlier result that they come from elsewhere.
+        """Leave out the echoes that an earlier result has left out for a reason `BY_SWEEP`.
 
-        Where concave mirrors are tried `besides`, which echoes are late is asked again, see `Order.flattened`.
+        Where concave mirrors are used `besides`, late echoes are tested again: see `Order.flattened`.
         """
         still = [why for why in BY_SWEEP if why != LATE or all(mirror.curvature >= 0.0 for mirror in besides)]
         told = np.isin(earlier.explanation, still)
@@ -215,9 +215,10 @@ class _Reasons:
         self._index, self._tested, self.echoes = self._index[stays], self._tested[stays], self.echoes.take(stays)
 
     def blur(self, share: Callable[[Array, Array], Array], which: Mask) -> bool:
-        """Find those of some `echoes`, (n,), most of whose energy came back by another way than it went.
+        """Find echoes on walls, `which` (n,), that mostly came back by another way than they went.
 
-        Such echoes on a wall blur it: their places say little of where the wall is. Returns whether new ones are found.
+        Such echoes blur a wall: their places say little of where it is. `share` measures the energy that came back the
+        way it went, see `Measured`. Returns whether new ones are found.
         """
         asked = self._index[which & self.stays & ~self._blurs[self._index]]
         blurs = asked[share(self._every.position[asked], self._every.amplitude[asked]) < OWN_SHARE]
@@ -245,7 +246,6 @@ def agreed(
     walls: Mask | None = None,
     besides: Sequence[Mirror] = (),
     overhangs: Overhangs | None = None,
-    find: Finder = find_mirrors,
 ) -> tuple[Order, Echoes]:
     """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
 
@@ -253,7 +253,7 @@ def agreed(
     """
     ordered = partial(
         _found_and_ordered, view=view, settings=settings, known=known, walls=walls, besides=besides,
-        overhangs=overhangs or Overhangs.nothing(), find=find,
+        overhangs=overhangs or Overhangs.nothing(),
     )  # fmt: skip
     return _until_agreed(ordered, echoes, settings)
 
@@ -278,16 +278,12 @@ def _found_and_ordered(
     walls: Mask | None,
     besides: Sequence[Mirror],
     overhangs: Overhangs,
-    find: Finder,
 ) -> Order:
     """Steps 2 and 3, each once; for the arguments see `find_tree`."""
     ordered = partial(order_mirrors, view=view, echoes=echoes, settings=settings, walls=walls)
-    rows = echoes.take(~on_rows(besides, view, echoes)) if besides else echoes
-    mirrors = find(view, rows, minimum_length=settings.minimum_length, tested=not settings.published, known=known)
-    if known is None and isinstance(view, ImageView) and len(view.corners):
-        shortest = settings.minimum_length or usual_settings(view, echoes)["minimum_length"]
-        lone = lone_legs(mirrors, view, shortest)
-        mirrors = [mirror for mirror, is_lone in zip(mirrors, lone, strict=True) if not is_lone]
+    rows = echoes.take(~on_rows(besides, view, echoes))
+    shortest, tested = settings.minimum_length, not settings.published
+    mirrors = find_mirrors(view, rows, minimum_length=shortest, tested=tested, known=known)
     mirrors, rest = overhangs.on(mirrors, view), list(besides)
     order = ordered([*mirrors, *rest])
     if known is not None or not settings.opaque:
@@ -300,18 +296,18 @@ def _found_and_ordered(
     if settings.published:
         return order
     if isinstance(view, ImageView):
-        more = overhangs.on(completed(mirrors, order, view, echoes, settings.minimum_length or 0.0, find), view)
+        more = overhangs.on(completed(mirrors, order, view, echoes, settings.minimum_length or 0.0), view)
         if len(more) > len(mirrors) or any(one is not other for one, other in zip(more, mirrors, strict=True)):
             order = ordered([*more, *rest])
     return without_bent(order, ordered)
 
 
 def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSettings) -> Echoes:
-    """The echoes as `seen` after the last round, where those are visible again that only an earlier round has hidden.
+    """The echoes `seen` after the last round, and those that were hidden in an earlier round but are not any more.
 
-    A part of a wall that the first rounds did not find passed for an object, and hid what the wall shows. So the
-    mirrors of the last order are ordered once more among all `echoes`, with their marks as before the first round: what
-    is visible then is visible. Echoes that any round found strong, behind a lossy mirror, count as objects there.
+    In the first rounds, a part of a wall that is not found yet passes for an object and hides what the wall shows, and
+    hidden echoes stay hidden. So the mirrors of the last order are ordered once more among all `echoes`, as if nothing
+    had been hidden: what is visible then, is visible. Echoes that any round found strong count as objects.
     """
     echoes = replace(echoes, strong=echoes.strong | seen.strong)
     anew = order_mirrors(order.mirrors, order.sight.view, echoes, settings).seen(echoes)

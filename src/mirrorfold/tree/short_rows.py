@@ -15,15 +15,15 @@ from functools import partial
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask
+from mirrorfold.detection import Echoes, ImageView, Mirror, View, any_curved
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
 from mirrorfold.tree.explaining.corners import bright_places
-from mirrorfold.tree.lines_of_sight import OUTSHINES_DB, ROOT, UNSEEN
+from mirrorfold.tree.lines_of_sight import OUTSHINES_DB
 
 SHORTEST_CELLS = 5.0
 """Least length of such a row, in resolution cells, about that of an arc. Other mirrors must have `MINIMUM_CELLS`."""
@@ -40,8 +40,8 @@ def find_short(
     minimum_length: float,
     corners: Callable[[Array], Mask] | None = None,
     besides: Sequence[Mirror] = (),
-) -> tuple[Found, list[Mirror], list[Mirror]]:
-    """Steps 2 to 4 once more with short mirrors: the result, the mirrors, and the rejected rows, see `with_rows`.
+) -> tuple[Found, list[Mirror]]:
+    """Steps 2 to 4 once more with short mirrors: the result, and the mirrors with those of `besides`.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def find_short(
         Mirrors of `found` that steps 2 to 4 do not find by themselves, such as curved ones.
     """
     proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length, corners=corners)
-    return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)
+    return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)[:2]
 
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
@@ -84,15 +84,15 @@ def short_rows(
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
     known = [by_chain[chain][-1] for chain in sight.chain if chain]
-    loose = faces(known, view, echoes, 0.0, unseen=UNSEEN, root=ROOT) == ROOT
-    own = np.where(loose & echoes.visible, sight.seen_through(echoes.range, echoes.direction), UNSEEN)
+    loose = faces(known, view, echoes, 0.0) == ROOT
+    own = np.where(loose & echoes.visible, sight.through(echoes), UNSEEN)
     rows = list[Mirror]()
     for index in np.unique(own[own >= ROOT]):
-        if index == ROOT or not any(mirror.curved for mirror in by_chain[sight.chain[index]]):
+        if index == ROOT or not any_curved(by_chain[sight.chain[index]]):
             rows += find_lines(echoes.take(own == index), view, minimum_length=shortest)
     rows = [row for row in rows if row.fill >= SMALLEST_FILL]
     vertex = bright_places(rows, view)
     if corners is not None and len(vertex):
         vertex = vertex[corners(vertex)]
-    told = view.told(corners=vertex)
+    told = view.knowing(corners=vertex)
     return [row for row in rows if not told.near_corner(row.ends).any()]

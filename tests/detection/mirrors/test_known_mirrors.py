@@ -14,13 +14,14 @@ from synthetic import RANGE_CELL, diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.common.geometry import Isometry, reflect, segment_normal
+from mirrorfold.common.types import ROOT
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors, write_mirrors
 from mirrorfold.folding.earlier import initial_image
 from mirrorfold.folding.pictures import draw
 from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.explaining.misplaced import MIXED
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 
 WALL = np.array([[0.5, 1.8], [0.9, 0.9]])
 """A wall in line of sight, and what it shows of the object."""

@@ -29,7 +29,7 @@ def found(spoilt, strength, seed, *, told, behind=BEHIND):
         first, last = (end[0] for end in ends)
         x, y = echoes.position.T
         mixed = (x > first - RANGE_CELL) & (x < last + RANGE_CELL) & (np.abs(y - START[1]) < 1.5 * RANGE_CELL)
-        view = view.told(misplaced=echoes.position[mixed])
+        view = view.knowing(misplaced=echoes.position[mixed])
     longest = max(find_lines(echoes, view, minimum_length=0.25), key=lambda mirror: mirror.length)
     return abs(np.degrees(np.arctan2(*longest.direction[::-1]) % np.pi + 0.5 * np.pi) % 180.0 - 90.0), longest.length
 
@@ -45,7 +45,7 @@ def test_a_bright_row_behind_a_part_of_a_wall_cuts_or_turns_it_until_the_sweep_t
 
 def test_places_are_blurred_in_the_beam_of_an_echo_from_elsewhere_alone():
     view = radar_view(*diffuse(START, END, 0))
-    known = view.told(misplaced=np.array([[0.0, 1.3]]))
+    known = view.knowing(misplaced=np.array([[0.0, 1.3]]))
     wall = on_line(START, END)
     near = np.abs(view.to_polar(wall)[1]) <= 0.5 * view.u_cell
     assert known.near_misplaced(wall).tolist() == near.tolist()
@@ -67,11 +67,11 @@ def test_what_is_known_of_a_row_is_asked_again_once_an_echo_beside_it_is_misplac
     assert asked == [0]
     # Far from the row, it is no matter; in the same place as the row, it is.
     far, beside = np.array([[0.0, 0.7]]), np.array([[0.0, 1.3], [0.0, 0.7]])
-    assert view.told(misplaced=far).misplaced_about(row.ends).tolist() == []
-    length(row, view.told(misplaced=far))
+    assert view.knowing(misplaced=far).misplaced_about(row.ends).tolist() == []
+    length(row, view.knowing(misplaced=far))
     assert asked == [0]
-    length(row, view.told(misplaced=beside))
-    length(row, view.told(misplaced=beside))
+    length(row, view.knowing(misplaced=beside))
+    length(row, view.knowing(misplaced=beside))
     assert asked == [0, 2]
     length(LineMirror(START, 0.5 * (START + END)), view)
     assert asked == [0, 2, 0]
@@ -79,5 +79,5 @@ def test_what_is_known_of_a_row_is_asked_again_once_an_echo_beside_it_is_misplac
     for share in np.random.default_rng(0).random(50):
         place = START + share * (END - START)
         count = len(asked)
-        length(row, view.told(misplaced=place[None]))
+        length(row, view.knowing(misplaced=place[None]))
         assert len(asked) == count + 1

@@ -63,7 +63,7 @@ def test_a_wall_goes_on_where_echoes_from_elsewhere_blur_it():
     view, echoes = seen()
     part = LineMirror(START, at(GAP[0]))
     over = at(np.linspace(*GAP, 21)[:, None])
-    longer = beyond_shadows(part, view.told(misplaced=over), echoes, all_clear)
+    longer = beyond_shadows(part, view.knowing(misplaced=over), echoes, all_clear)
     assert np.linalg.norm(longer.end - END) < 0.05
 
 

@@ -35,16 +35,17 @@ def in_mirror(places, mirror=MIRROR):
     return reflect(np.asarray(places), mirror[0], segment_normal(*mirror))
 
 
-def node(places, chain=(), line=None, mirrors=(), amplitude=1.0):
+def node(places, chain=(), way=(), mirrors=(), amplitude=1.0):
     places = np.reshape(places, (-1, 2))
     objects = echoes_at(VIEW, places, amplitude)
-    return MirrorTree(line, echoes_at(VIEW, np.empty((0, 2))), objects, tuple(mirrors), chain)
+    return MirrorTree(tuple(way), echoes_at(VIEW, np.empty((0, 2))), objects, tuple(mirrors), chain)
 
 
 def told(places, *, direct=OBJECT, shown=(), line=None, brighter=1.0):
     """Which objects at their true places, seen by way of the mirror, are behind others, direct ones and shown ones."""
     seen = in_mirror(np.concatenate([np.reshape(places, (-1, 2)), np.reshape(shown, (-1, 2))]))
-    tree = node(direct, (), None, [node(seen, (0,), LineMirror(*MIRROR) if line is None else line, (), brighter)])
+    mirror = LineMirror(*MIRROR) if line is None else line
+    tree = node(direct, mirrors=[node(seen, (0,), [mirror], (), brighter)])
     marks = behind_objects(SimpleNamespace(tree=tree), VIEW)
     assert not marks[()].any()  # of what is in line of sight, others tell
     return marks[0,].tolist()[: len(np.reshape(places, (-1, 2)))]
@@ -86,8 +87,10 @@ def test_waves_bend_around_the_edge_of_an_object():
 
 def test_what_is_known_by_more_mirrors_ends_no_view_by_fewer():
     other = LineMirror(*in_mirror(np.array([[-0.9, 0.5], [-0.9, 1.5]])))
-    deeper = node(in_mirror(reflect(OBJECT, np.array([-0.9, 0.5]), np.array([1.0, 0.0]))), (0, 0), other)
-    tree = node([], mirrors=[node(in_mirror([BEHIND_IT]), (0,), LineMirror(*MIRROR), [deeper])])
+    deeper = node(
+        in_mirror(reflect(OBJECT, np.array([-0.9, 0.5]), np.array([1.0, 0.0]))), (0, 0), [LineMirror(*MIRROR), other]
+    )
+    tree = node([], mirrors=[node(in_mirror([BEHIND_IT]), (0,), [LineMirror(*MIRROR)], [deeper])])
     found = SimpleNamespace(tree=tree)
     np.testing.assert_allclose(np.asarray(tree.folds()[0, 0](deeper.objects.position)), OBJECT, atol=1e-9)
     assert behind_objects(found, VIEW)[0,].tolist() == [False]
@@ -99,7 +102,7 @@ def test_of_curved_mirrors_nothing_is_said():
 
 
 def test_of_volumes_nothing_is_said():
-    tree = node(OBJECT, mirrors=[node(in_mirror([BEHIND_IT]), (0,), LineMirror(*MIRROR))])
+    tree = node(OBJECT, mirrors=[node(in_mirror([BEHIND_IT]), (0,), [LineMirror(*MIRROR)])])
     found = SimpleNamespace(tree=tree, sight=SimpleNamespace(chain=()))
     volume = SimpleNamespace(radar=VIEW.radar, cell=VIEW.cell, dimensions=2)
     assert behind_objects(found, VIEW)[0,].tolist() == [True]

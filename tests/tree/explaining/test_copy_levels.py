@@ -9,10 +9,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import echoes_at, empty_view
 
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.tree.explaining.copies import _quantile, _reflected, copies, copy_level
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN, Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
 from mirrorfold.tree.ordering import Order
 
 pytestmark = pytest.mark.nojit

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from echo_shapes import array, corner, face, point, sweep_of, view_of
 from numpy.testing import assert_allclose, assert_array_equal
-from synthetic import diffuse, empty_view, on_line, radar_view, together
+from synthetic import diffuse, on_line, radar_view, together
 
 import mirrorfold as mf
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.tree.explaining.corners import bright_places, lone_legs, vertices
+from mirrorfold.tree.explaining.corners import bright_places, vertices
 from mirrorfold.tree.explaining.misplaced import are_corners
 from mirrorfold.tree.explaining.waves import SweepWaves
 
@@ -56,21 +56,6 @@ def test_a_row_has_a_bright_place_where_a_vertex_may_be(db, bright):
     found = bright_places([row], view)
     assert len(found) == bright
     assert_allclose(found, np.reshape([place] * bright, (-1, 2)), atol=0.02)
-
-
-def test_a_row_through_a_known_vertex_is_no_mirror_if_nothing_crosses_it_there():
-    view = empty_view()
-    row = LineMirror(np.array([-0.2, 1.1]), np.array([0.15, 1.25]))
-    other = LineMirror(np.array([0.05, 1.0]), np.array([-0.1, 1.35]))
-    (vertex,) = vertices([row, other])
-    told = view.told(corners=vertex[None])
-    assert lone_legs([row], told, 0.3) == [True]
-    assert lone_legs([row, other], told, 0.3) == [False, False]
-    assert lone_legs([row], told, 0.15) == [False]  # one of the halves is as long as a mirror
-    assert lone_legs([row], view, 0.3) == [False]
-    at_its_end = view.told(corners=row.start[None])
-    beside = view.told(corners=vertex[None] + [0.0, 0.2])
-    assert lone_legs([row], at_its_end, 0.3) == lone_legs([row], beside, 0.3) == [False]
 
 
 @pytest.mark.slow

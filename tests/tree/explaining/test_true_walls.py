@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.tree.explaining.true_walls import MOST_WALLS, square_distances, strongest_flat, true_ends
+from mirrorfold.tree.explaining.true_walls import square_distances, true_ends
 
 WALL = LineMirror(np.array([-1.0, 1.0]), np.array([1.0, 1.0]))
 GHOST = LineMirror(np.array([0.5, 1.5]), np.array([0.5, 2.5]), strength=2.0)
@@ -23,9 +22,3 @@ def test_distances_are_square_to_a_wall_and_along_it_beyond_its_ends():
     away, beyond = square_distances(np.array([[0.0, 0.2], [1.5, 2.0], [-3.0, 1.0]]), WALL.ends)
     assert_allclose(away, [0.8, 1.0, 0.0], atol=1e-12)
     assert_allclose(beyond, [-1.0, 0.5, 2.0], atol=1e-12)
-
-
-def test_the_strongest_flat_walls_come_first():
-    arc = ArcMirror(np.array([0.0, 2.0]), 1.0, -2.0, 0.8, radar=np.zeros(2))
-    assert strongest_flat([(WALL,), (), (arc,), (arc, GHOST), (WALL, GHOST)]) == [(WALL, GHOST), (WALL,)]
-    assert len(strongest_flat([(WALL,)] * (MOST_WALLS + 1))) == MOST_WALLS

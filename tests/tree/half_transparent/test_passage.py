@@ -73,7 +73,7 @@ def near(echoes, place):
 
 
 def passed(found, node, view):
-    return passage(found, view, node, found.tree.folds(), prolonged_where_hidden(found))
+    return passage(found, view, node, prolonged_where_hidden(found))
 
 
 @pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])
@@ -97,7 +97,7 @@ def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
     np.testing.assert_allclose(wall.probability, GUESS)
     assert len(wall.tested) == len(wall.passed) == len(node.objects)
     assert len(asked[0]) == len(found.echoes) - len(wall.echoes)
-    curved = MirrorTree(SimpleNamespace(curved=True), node.face.take([]), node.objects.take([]), chain=(9,))
+    curved = MirrorTree((SimpleNamespace(curved=True),), node.face.take([]), node.objects.take([]), chain=(9,))
     beside = found._replace(tree=replace(found.tree, mirrors=(*found.tree.mirrors, curved)))
     assert guess_transparent(beside, view, found.echoes, full_pass=once_more) is beside
 
@@ -130,7 +130,8 @@ def test_so_many_cells_of_an_object_tell_of_all_its_echoes(cells, expected):
 
 def test_places_are_the_same_up_to_a_cell_and_a_half_there():
     """The radar stands at (1, 0) m, and a cell is a tenth of the range."""
-    view = SimpleNamespace(dimensions=2, radar=np.array([1.0, 0.0]), cell=lambda range_: 0.1 * range_)
+    radar = np.array([1.0, 0.0])
+    view = SimpleNamespace(dimensions=2, cells_at=lambda places: 0.1 * np.linalg.norm(places - radar, axis=1))
     places = np.array([[2.0, 0.0], [4.0, 0.0]])
     np.testing.assert_array_equal(_shown(view, places, [places + np.array([0.2, 0.0])]), [False, True])
     assert not _shown(view, places, []).any()

@@ -106,7 +106,7 @@ class ArcMirror(Mirror):
         """
         offset = points - self.middle
         angle = np.arctan2(offset[..., 1], offset[..., 0]) - self.first - 0.5 * self.span
-        return np.asarray(self.radius * ((angle + np.pi) % (2.0 * np.pi) - np.pi + 0.5 * self.span))
+        return self.radius * ((angle + np.pi) % (2.0 * np.pi) - np.pi + 0.5 * self.span)
 
     def part(self, first: float, last: float) -> ArcMirror:
         """The arc from one position [m] along it to another."""
@@ -121,11 +121,11 @@ class ArcMirror(Mirror):
 
     def beside(self, points: Array) -> Array:
         """Distance [m] of points (..., 2) from the circle, positive outside."""
-        return np.asarray(np.linalg.norm(points - self.middle, axis=-1) - self.radius)
+        return np.linalg.norm(points - self.middle, axis=-1) - self.radius
 
     def behind(self, view: ImageView, points: Array) -> Array:  # type: ignore[override]
         """How far [m] points (..., 2) lie behind the circle: inside it if it is convex, outside if it is concave."""
-        return np.asarray(-self.beside(points) if self.convex else self.beside(points))
+        return -self.beside(points) if self.convex else self.beside(points)
 
     def met(self, sight: Array) -> Array:
         """Range [m] at which lines of sight (n, 2) meet the circle, NaN where they miss it: its near side if it is
@@ -181,7 +181,7 @@ class ArcMirror(Mirror):
         """
         along = self.along(points)
         inside = (along >= -beyond) & (along <= self.length + beyond)
-        return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
+        return (np.abs(self.beside(points)) <= beside) & inside
 
     def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
         """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""

@@ -72,7 +72,7 @@ class BeamMirror(Mirror):
     @property
     def extent(self) -> Array:
         """Width and height of the face [m], (2,)."""
-        return np.asarray(np.ptp(self.sides, axis=1))
+        return np.ptp(self.sides, axis=1)
 
     def crossing(self, view: VolumeView) -> Array:  # type: ignore[override]
         """Range [m] at which each beam meets the mirror, (beams,); infinite where it does not."""

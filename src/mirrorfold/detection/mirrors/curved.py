@@ -64,7 +64,7 @@ def fit_covariance(mirror: Mirror, offset: Array, normal: Array, tangents: Seque
     for tangent in tangents:
         turn = np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
         total = total + turned[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
-    return np.asarray(total)
+    return total
 
 
 def dimming(way: Sequence[Mirror], points: Array) -> Array:

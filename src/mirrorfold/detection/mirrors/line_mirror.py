@@ -80,7 +80,7 @@ class LineMirror(Mirror):
 
     def along(self, points: Array) -> Array:
         """Position [m] of points (..., 2) along the mirror, from its start."""
-        return np.asarray((points - self.start) @ self.direction)
+        return (points - self.start) @ self.direction
 
     def part(self, first: float, last: float) -> LineMirror:
         """The mirror from one position [m] along it to another."""

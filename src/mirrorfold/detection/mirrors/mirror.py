@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
 
 from mirrorfold.common.geometry import Isometry, reflect_each, signed_distance
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.views.view import View
 
@@ -120,7 +120,7 @@ class Mirror(ABC):
     @property
     def ends(self) -> Array:
         """Ends of its horizontal middle line, (2, d) [m]."""
-        return np.asarray(self.center + self.sides[0][:, None] * self.tangents[0])
+        return self.center + self.sides[0][:, None] * self.tangents[0]
 
     @property
     def size(self) -> float:
@@ -145,7 +145,7 @@ class Mirror(ABC):
         """Whether points (n, d) lie at most `beside` [m] from its face and `beyond` [m] past its ends, (n,)."""
         place, (first, last) = (points - self.center) @ self.tangents.T, self.sides.T
         inside = np.all((place >= first - beyond) & (place <= last + beyond), axis=-1)
-        return np.asarray((np.abs(self.beside(points)) <= beside) & inside)
+        return (np.abs(self.beside(points)) <= beside) & inside
 
     def facing(self, points: Array) -> tuple[Array, Array]:
         """A point and the unit normal of the line or plane that the line of sight through each of points (n, d) meets.
@@ -189,11 +189,11 @@ class Mirror(ABC):
     def own(self, view: View, echoes: Echoes) -> Mask:
         """Which echoes lie on its face, to within the resolution cell across it, (n,)."""
         _, face, across = self.near(view, echoes)
-        return np.asarray(face & (np.abs(self.beside(echoes.position)) <= across))
+        return face & (np.abs(self.beside(echoes.position)) <= across)
 
     def behind(self, view: View, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
-        return np.asarray((points - self.center) @ self.inward(view))
+        return (points - self.center) @ self.inward(view)
 
 
 class ChainFold:
@@ -235,9 +235,14 @@ Fold = Isometry | ChainFold
 """A map from the image to true places."""
 
 
+def any_curved(mirrors: Iterable[Mirror]) -> bool:
+    """Whether any of the mirrors is curved, as those of a chain by way of which echoes are seen."""
+    return any(mirror.curved for mirror in mirrors)
+
+
 def fold_of(way: Sequence[Mirror], dimensions: int) -> Fold:
     """The map from the image to the true place for echoes seen by way of mirrors, of which the nearest comes first."""
-    if any(mirror.curved for mirror in way):
+    if any_curved(way):
         return ChainFold(way)
     fold = Isometry.identity(dimensions)
     for mirror in way:
@@ -255,21 +260,19 @@ def proving_echoes(echoes: Echoes, view: View) -> Echoes:
     return echoes.take(echoes.visible & (echoes.strong | (view.dimensions == 3)))
 
 
-def faces(
-    mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float, *, unseen: int, root: int
-) -> Index:
-    """Number of the mirror that each echo lies on, `unseen` for echoes from inside a wall, `root` for all others, (n,).
+def faces(mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: float) -> Index:
+    """Number of the mirror that each echo lies on, `UNSEEN` for echoes from inside a wall, `ROOT` for all others, (n,).
 
     Echoes behind a mirror come from inside its wall up to the depth `wall_margin` [m], or twice the `depth` of the
     mirror if that is more.
     """
-    face = np.full(len(echoes), root, dtype=np.intp)
+    face = np.full(len(echoes), ROOT, dtype=np.intp)
     nearest = np.full(len(echoes), np.inf)
     for index, mirror in enumerate(mirrors):
         wall, own, across = mirror.near(view, echoes)
         behind = mirror.behind(view, echoes.position)
         wall &= (behind >= -across) & (behind <= across + max(wall_margin, 2.0 * mirror.depth))
-        face[wall & (face == root)] = unseen
+        face[wall & (face == ROOT)] = UNSEEN
         closer = wall & own & (np.abs(behind) <= across + mirror.depth) & (np.abs(behind) < nearest)
         face[closer] = index
         nearest[closer] = np.abs(behind)[closer]

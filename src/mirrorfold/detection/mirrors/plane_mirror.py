@@ -51,7 +51,7 @@ class PlaneMirror(BeamMirror):
         offset = places - view.radar
         range_ = np.linalg.norm(offset, axis=1)
         cosine = np.maximum(np.abs(offset @ self.normal) / range_, SMALLEST_COSINE)
-        return np.asarray(view.width(range_) ** 2 / (8.0 * range_) * (3.0 - 2.0 / cosine**2))
+        return view.width(range_) ** 2 / (8.0 * range_) * (3.0 - 2.0 / cosine**2)
 
     def moved(self, normal: Array, center: Array) -> PlaneMirror:
         """The mirror of the same beams on another plane, with that normal and through the point `center`."""

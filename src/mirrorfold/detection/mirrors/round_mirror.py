@@ -97,7 +97,7 @@ class RoundMirror(BeamMirror):
     def beside(self, points: Array) -> Array:
         """Distance [m] of points (n, 3) from the tangent planes that their lines of sight meet, positive outside."""
         hit, normal = self.facing(points)
-        return np.asarray(np.sum((points - hit) * normal, axis=-1))
+        return np.sum((points - hit) * normal, axis=-1)
 
     def behind(self, view: VolumeView, points: Array) -> Array:  # type: ignore[override]
         """How far [m] points (n, 3) lie behind the tangent planes that their lines of sight meet."""
@@ -119,7 +119,7 @@ class RoundMirror(BeamMirror):
             return 1.0 + power * (before * rest / way)[:, None]
         known = dict(zip(("spot_radius", "focus_distance", "wavelength"), self.beam, strict=True))
         width, straight = (spread_beam(before[:, None], rest[:, None], p, **known)[0] for p in (power, 0.0 * power))
-        return np.asarray(width / straight)
+        return width / straight
 
     def moved(self, normal: Array, center: Array) -> RoundMirror:
         """The same surface, shifted along `normal` until its own center is level with the point `center`."""

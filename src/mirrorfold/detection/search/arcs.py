@@ -138,7 +138,7 @@ class _Arcs:
                 continue
             missed += 1
             # Only the middle of the row is taken out: the rest may belong to an arc that this one crosses.
-            place, cell = self.echoes.position[member], np.asarray(self.view.cell(self.echoes.range[member]))
+            place, cell = self.echoes.position[member], self.view.cell(self.echoes.range[member])
             offset = np.linalg.norm(place - np.median(place, axis=0), axis=1)
             free[member[offset <= np.maximum(2.0 * NEAR_CELLS * cell, offset.min())]] = False
 
@@ -184,7 +184,7 @@ class _Arcs:
         rows, width, before = [arc], 1.0, np.empty(0, dtype=np.intp)
         for _ in range(2 * ROUNDS):
             member = np.flatnonzero(free & np.any([self._beside(row, width) for row in rows], axis=0))
-            cell = np.asarray(self.view.cell(self.echoes.range[member]))
+            cell = self.view.cell(self.echoes.range[member])
             member = member[heaviest_row(points[member] @ chord, cell, self.weight[member])]
             enough = member.size >= FEWEST
             halves = s_shaped(points[member], self.weight[member], self.view.radar) if enough else None
@@ -233,7 +233,7 @@ class _Arcs:
     def _proposed(self, free: Index) -> ArcMirror | None:
         """The most bent row of `free` echoes, as an arc; None if there is none."""
         judge = drawn(free)
-        cell = np.asarray(self.view.cell(self.echoes.range[judge]))
+        cell = self.view.cell(self.echoes.range[judge])
         return proposed(self.echoes.position[judge], self.weight[judge], cell, self.view.radar, self.random)
 
     def _grown(self, arc: ArcMirror, free: Mask) -> tuple[ArcMirror | None, Index]:
@@ -264,7 +264,7 @@ class _Arcs:
 
     def _row(self, arc: ArcMirror, points: Array, weight: Array) -> Index:
         """Numbers of the points (n, 2) along an arc in the unbroken row that has the most weight."""
-        cell = np.asarray(self.view.cell(np.linalg.norm(points - self.view.radar, axis=1)))
+        cell = self.view.cells_at(points)
         return heaviest_row(arc.along(points), cell, weight)
 
     def _plausible(self, arc: ArcMirror) -> bool:

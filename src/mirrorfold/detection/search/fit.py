@@ -124,7 +124,7 @@ def block_covariance(design: Array, beside: Array, trust: Array, along: Array, i
     score = np.zeros((block.max() + 1, design.shape[1]))
     np.add.at(score, block, (trust * beside)[:, None] * design)
     bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
-    return np.asarray(bread @ score.T @ score @ bread * len(score) / max(len(score) - design.shape[1], 1))
+    return bread @ score.T @ score @ bread * len(score) / max(len(score) - design.shape[1], 1)
 
 
 def weighted_fit(design: Array, values: Array, weight: Array) -> Array:
@@ -190,7 +190,7 @@ def power_centroids(
     power *= depth
     centroid = power.sum(axis=1)[bright] / total[bright]
     weight = np.minimum(peak[bright] / np.median(peak[bright]), clip) / across[bright] ** 2
-    return np.asarray(base[bright] + centroid[:, None] * beyond[bright]), weight
+    return base[bright] + centroid[:, None] * beyond[bright], weight
 
 
 def split_in_two(along: Array, beside: Array, weight: Array) -> tuple[float, float, float]:
@@ -243,4 +243,4 @@ def _line_residual(sums: Array) -> Array:
     """Weighted sum of squared residuals about the best line, (...), from sums (..., 6) of w, wx, wy, wxx, wxy, wyy."""
     w, x, y, xx, xy, yy = np.moveaxis(sums, -1, 0)
     x_squares, xy_products = xx - x * x / w, xy - x * y / w
-    return np.asarray(np.maximum(yy - y * y / w - xy_products**2 / np.maximum(x_squares, np.finfo(float).tiny), 0.0))
+    return np.maximum(yy - y * y / w - xy_products**2 / np.maximum(x_squares, np.finfo(float).tiny), 0.0)

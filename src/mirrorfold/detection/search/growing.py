@@ -188,7 +188,7 @@ class Search(ABC, Generic[M]):
 def clipped_weight(echoes: Echoes, usual: Array) -> Array:
     """Weight of each echo, (n,): ``length min(amplitude / median(usual), CLIP)``, with `usual` (m,) amplitudes."""
     median = np.median(usual) if usual.size else 1.0
-    return np.asarray(echoes.length * np.minimum(echoes.amplitude / median, CLIP))
+    return echoes.length * np.minimum(echoes.amplitude / median, CLIP)
 
 
 def _square_to(spans: list[Array]) -> Array:

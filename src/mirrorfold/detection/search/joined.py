@@ -130,7 +130,7 @@ def beside(curve: Array, points: Array) -> Array:
     curvature = np.where(place < 0.0, curve[3], curve[4])
     # ``1 / k`` minus the distance from the center of the circle, in a form that holds down to the curvature k = 0.
     away = np.hypot(1.0 - curvature * height, curvature * place)
-    return np.asarray((2.0 * height - curvature * (height**2 + place**2)) / (1.0 + away))
+    return (2.0 * height - curvature * (height**2 + place**2)) / (1.0 + away)
 
 
 def _slopes(function: Callable[[Array], Array], curve: Array, scale: Array) -> Array:

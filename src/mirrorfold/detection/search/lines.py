@@ -277,7 +277,7 @@ class _Lines(Search[LineMirror]):
     def _nothing_before(self, mirror: LineMirror) -> Mask:
         """Directions in which no strong echo stands in front of the mirror, by more than an object's depth, (nu,)."""
         crossing = mirror.crossing(self.view)
-        return np.asarray(~np.isfinite(crossing) | (self._nearest > crossing - self.view.object_depth(crossing)))
+        return ~np.isfinite(crossing) | (self._nearest > crossing - self.view.object_depth(crossing))
 
     @cached_property
     def _nearest(self) -> Array:

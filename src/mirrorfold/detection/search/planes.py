@@ -124,4 +124,4 @@ def largest_sheet(beam: Index, shape: tuple[int, ...], *, thinnest: int) -> Mask
     closed = binary_closing(np.pad(lit, pad), iterations=GAP_BEAMS)[pad:-pad, pad:-pad]
     opened = binary_opening(np.pad(closed, thinnest, mode="edge"), iterations=thinnest)
     regions, _ = label(opened[thinnest:-thinnest, thinnest:-thinnest])
-    return np.asarray(regions == 1 + np.argmax(np.bincount(regions.ravel(), minlength=2)[1:]))
+    return regions == 1 + np.argmax(np.bincount(regions.ravel(), minlength=2)[1:])

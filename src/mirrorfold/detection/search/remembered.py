@@ -20,9 +20,9 @@ T = TypeVar("T")
 
 
 def remembered(ask: Callable[[LineMirror, ImageView], T]) -> Callable[[LineMirror, ImageView], T]:
-    """The same function of a mirror's ends and a view, which the view is asked for first; it must not change either.
+    """A function of a mirror and a view that computes each answer once: the view keeps the answers in `fits`.
 
-    Of the mirror the function is given the ends alone, so that its answer depends on nothing else.
+    The answer may depend on the ends of the mirror alone. So `ask` gets a mirror that has nothing but these ends.
     """
 
     @wraps(ask)

@@ -50,8 +50,10 @@ def _heaviest_cell(ranges: Array, weight: Array, cell: float) -> float:
 
 
 def may_be_lobes(echoes: Echoes, view: ImageView, level: Array, aside: Array) -> Mask:
-    """Which echoes may be side lobes of echoes of a `level` at their range, so far `aside` in u, all (n,), by a part of
-    the array: those that are weak enough, or not too strong and in a row at one range.
+    """Which echoes may be side lobes of brighter ones at the same range that only a part of the array sees, (n,).
+
+    The brighter echo has the amplitude `level` (n,), and is `aside` (n,) in u. An echo may be its lobe if it is no
+    stronger than `ImageView.part_lobes`, or up to ``1 / SMALLEST_PART`` times as strong and in a row at one range.
     """
     height = echoes.amplitude / view.part_lobes(level, aside)
     found = height <= 1.0
@@ -61,7 +63,7 @@ def may_be_lobes(echoes: Echoes, view: ImageView, level: Array, aside: Array) ->
 
 
 def at_one_range(echoes: Echoes, view: ImageView, which: Index) -> Mask:
-    """Whether echoes are in the middle of a row at one range, for those whose numbers are `which` (n,), (n,)."""
+    """Whether echoes are in the middle of a row at one range: for the echoes with the numbers `which` (m,), (m,)."""
     u, reach = view.u[echoes.direction], RING_REACH * view.u_cell
     order, found = np.argsort(u, kind="stable"), np.zeros(len(which), dtype=bool)
     first = np.searchsorted(u, u[which] - reach, "left", order)

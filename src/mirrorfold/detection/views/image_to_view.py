@@ -108,6 +108,29 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
         range_cell = 2.0 * pixel
         u_cell = 2.0 * pixel / max(0.5 * farthest, pixel)
         aperture = np.full(2, UNIFORM_CELL / np.sqrt(2.0) / u_cell)
+    ahead = corners @ broadside
+    sines = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
+    range_, u = _polar_grid((nearest, farthest), (sines.min(), sines.max()), range_cell, u_cell)
+    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
+                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
+                     ambiguous if nearest < ambiguous else np.inf, height=height, window=weights,
+                     aperture_filled=float(attrs.get("filled_aperture", 0.0)) / wavelength)  # fmt: skip
+    return view, (x, y)
+
+
+def _polar_grid(
+    ranges: tuple[float, float], sines: tuple[float, float], range_cell: float, u_cell: float
+) -> tuple[Array, Array]:
+    """Ranges [m] and sines u of the samples of a view, `SAMPLES_PER_CELL` in each resolution cell.
+
+    They hold an image that reaches over these `ranges` [m] and `sines`, as far aside as the array looks.
+
+    Raises
+    ------
+    InputError
+        If the image is smaller than a cell, or the view would not fit into the memory.
+    """
+    nearest, farthest = ranges
     samples = (farthest - nearest) / range_cell * 2.0 / u_cell * SAMPLES_PER_CELL**2
     check_room(
         SAMPLE_BYTES * samples,
@@ -116,10 +139,8 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     )
     range_ = np.arange(max(nearest, range_cell), farthest, range_cell / SAMPLES_PER_CELL)
     half = int(LARGEST_SINE / u_cell * SAMPLES_PER_CELL)
-    ahead = corners @ broadside
-    sides = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
     u_step = u_cell / SAMPLES_PER_CELL
-    u = u_step * np.arange(max(-half, np.floor(sides.min() / u_step)), min(half, np.ceil(sides.max() / u_step)) + 1)
+    u = u_step * np.arange(max(-half, np.floor(sines[0] / u_step)), min(half, np.ceil(sines[1] / u_step)) + 1)
     if range_.size < 4:
         raise InputError("image: is too small, it spans less than one resolution cell; focus a larger grid")
     if u.size < 4:
@@ -127,11 +148,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
             "image: spans less than one resolution cell in direction, or lies farther than 80 degrees aside of where "
             "the array looks; focus a larger grid ahead of it, or correct the attr array_direction"
         )
-    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
-                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-                     ambiguous if nearest < ambiguous else np.inf, height=height, window=weights,
-                     aperture_filled=float(attrs.get("filled_aperture", 0.0)) / wavelength)  # fmt: skip
-    return view, (x, y)
+    return range_, u
 
 
 def _known_cell(attrs: dict[Any, Any]) -> tuple[float, float, Array, float, Array] | None:

@@ -123,7 +123,7 @@ class ImageView(View):
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
     window: Array = field(default_factory=lambda: np.zeros(0))
 
-    def told(self, **known: Array) -> ImageView:
+    def knowing(self, **known: Array) -> ImageView:
         """The same view with other `misplaced` echoes or `corners`; all else that was computed is kept."""
         view = replace(self, **known)  # type: ignore[arg-type]
         kept = vars(self).keys() - vars(view).keys() - {"_misplaced_in_cells"}
@@ -229,7 +229,7 @@ class ImageView(View):
         if not np.isfinite(self.wavelength):
             return super().on_radar(points, reach)
         offset = np.abs((points - self.radar) @ self.frame.T)
-        return np.asarray(np.hypot(np.maximum(offset[:, 0] - 0.5 * self.glint, 0.0), offset[:, 1]) <= reach)
+        return np.hypot(np.maximum(offset[:, 0] - 0.5 * self.glint, 0.0), offset[:, 1]) <= reach
 
     @property
     def covered_angle(self) -> float:
@@ -347,12 +347,12 @@ class ImageView(View):
     @cached_property
     def _power(self) -> Array:
         """Coefficients of the cubic splines through the power."""
-        return np.asarray(spline_filter(self.amplitude**2))
+        return spline_filter(self.amplitude**2)
 
     def beam_power(self, aside: Array) -> Array:
         """The two-way beam pattern of both arrays, taken as uniform apertures, and as wide as `u_cell` says."""
         u = uniform_cell(self.aperture_tx, self.aperture_rx) * aside
-        return np.asarray((np.sinc(self.aperture_tx * u) * np.sinc(self.aperture_rx * u)) ** 2)
+        return (np.sinc(self.aperture_tx * u) * np.sinc(self.aperture_rx * u)) ** 2
 
     def cross_cell(self, points: Array) -> Array:
         """Width of the resolution cell across the line of sight [m]: ``range u_cell / sqrt(1 - u^2)``."""

@@ -36,7 +36,7 @@ def wavenumbers(image: xr.DataArray) -> Array:
     low, high = float(image.attrs["frequency_start"]), float(image.attrs["frequency_stop"])
     speed = float(image.attrs.get("wave_speed", speed_of_light))
     around = np.linspace(-BAND_SHARE, BAND_SHARE, FREQUENCIES) * (high - low)
-    return np.asarray(2.0 * np.pi * (0.5 * (low + high) + around) / speed)
+    return 2.0 * np.pi * (0.5 * (low + high) + around) / speed
 
 
 def independent(view: View, image: xr.DataArray) -> float:
@@ -57,7 +57,7 @@ def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = Fal
     depth, values = view.complex_along(image, points, half, view.range_cell / SAMPLES_PER_CELL, float(middle))
     beyond = np.clip(2.0 * np.abs(depth) / half - 1.0, 0.0, 1.0) if whole else np.abs(depth) / half
     turn = np.exp(-2j * np.outer(depth, wavenumber - middle))
-    return np.asarray((values * np.cos(0.5 * np.pi * beyond) ** 2) @ turn)
+    return (values * np.cos(0.5 * np.pi * beyond) ** 2) @ turn
 
 
 def tapers(image: xr.DataArray) -> Array:
@@ -66,4 +66,4 @@ def tapers(image: xr.DataArray) -> Array:
     points = np.size(kind) if not isinstance(kind, str) else int(image.attrs["frequency_points"])
     weight = np.abs(window(kind, points, "taper"))
     share = np.linspace(0.5 - BAND_SHARE, 0.5 + BAND_SHARE, FREQUENCIES)
-    return np.asarray(np.interp(share, np.linspace(0.0, 1.0, points), weight / weight.max()))
+    return np.interp(share, np.linspace(0.0, 1.0, points), weight / weight.max())

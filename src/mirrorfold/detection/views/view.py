@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -64,6 +66,11 @@ class View(ABC):
     wavelength: float
     normalization: str
     window: Array
+
+    @cached_property
+    def searches(self) -> dict[bytes, Any]:
+        """Results of searches for mirrors in this view, see `mirrorfold.detection.find_mirrors`."""
+        return {}
 
     @property
     def range_unit(self) -> float:
@@ -220,6 +227,10 @@ class View(ABC):
         """Diagonal of the resolution cell [m] at a point (d,)."""
         return float(self.cell(float(np.linalg.norm(point - self.radar))))
 
+    def cells_at(self, points: Array) -> Array:
+        """Diagonal of the resolution cell [m] at each of points (n, d), (n,)."""
+        return self.cell(np.linalg.norm(points - self.radar, axis=1))
+
     def squares(self, points: Array) -> Callable[..., Array]:
         """A function that gives the squared `extent` at points (n, d), or at some of them, along unit vectors."""
         offset, cross = points - self.radar, self.cross_cell(points) ** 2
@@ -236,18 +247,18 @@ class View(ABC):
 
         At the angle a to the line of sight it is ``sqrt((range_cell cos(a))^2 + (cross_cell sin(a))^2)``.
         """
-        return np.asarray(np.sqrt(self.squares(points)(along)))
+        return np.sqrt(self.squares(points)(along))
 
     def extent_each(self, points: Array, along: Array) -> Array:
         """The `extent` [m] at points (n, d), each along a unit vector of its own, (n, d); returns (n,)."""
         cross = self.cross_cell(points) ** 2
         cosine = np.sum(unit_or_zero(points - self.radar) * along, axis=1)
-        return np.asarray(np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2))
+        return np.sqrt(cross + (self.range_cell**2 - cross) * cosine**2)
 
     def points(self, range_: Array, direction: Index) -> Array:
         """Positions (n, d) [m] at ranges [m] in numbered directions; not finite where the range is not."""
         with np.errstate(invalid="ignore"):
-            return np.asarray(self.radar + range_[..., None] * self.sight[direction])
+            return self.radar + range_[..., None] * self.sight[direction]
 
     def meets(self, normal: Array, center: Array) -> Array:
         """Range [m] at which each line of sight meets an infinite line or plane, (n,); infinite where it does not."""

@@ -15,7 +15,7 @@ from scipy.ndimage import map_coordinates
 import mirrorfold as mf
 from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.geometry import reflect
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import ROOT, Array, Mask
 from mirrorfold.detection import find_echoes, see, usual_settings
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.folding import FoldSettings
@@ -23,7 +23,7 @@ from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.pictures import Grid, draw
 from mirrorfold.folding.points import fold_back, owned_blobs
 from mirrorfold.scenes.solids import Scene3D
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.rounds import find_tree
 
 SNR_DB = 20.0

@@ -15,7 +15,6 @@ With the order of the mirrors, in each of the `rounds`:
 * `copies`: the echo repeats a stronger one, by the tail of the pulse or a layer in a wall.
 * `rough_walls`: a rough wall scattered it towards another wall or an object, and back.
 * `short_cuts`: it went straight from a rough wall to an object, and back by way of mirrors.
-* `late_walls`: it went to and fro between two walls, and comes from beyond the ambiguous range.
 * `edges`: it stands beside the end of a mirror, and is seen by way of that mirror all the same.
 * `shadowless`: it stands before a wall whose echoes go on undimmed, so that it hides little.
 
@@ -24,7 +23,6 @@ With the whole tree, in the end (`explained_by_tree` calls them):
 * `behind_walls`: its object would stand behind a known wall.
 * `behind_objects`: its object would stand behind a known object.
 * `to_and_fro`: it went to and fro between an object and a wall or another object.
-* `reflected_on`: a flat object beside its path reflected it, and its object is known elsewhere.
 * `flanks`: it cannot be told from a brighter echo that is explained.
 * `outshone`: it may be a side lobe of a much brighter echo.
 """

@@ -60,19 +60,19 @@ class Aperture(NamedTuple):
     def along(self) -> Array:
         """Places of the elements along the principal axis, from the centre, (n,) [m]."""
         offset = self.position - self.centre
-        return np.asarray(offset @ _axis(offset))
+        return offset @ _axis(offset)
 
     def beam(self, k: float, sine: Array) -> Array:
         """Amplitude of the beam, relative to its peak, in directions whose u differs from its own by `sine`, (m,)."""
         along = self.along
         parts = np.array_split(sine, 1 + sine.size * along.size // LOBE_SAMPLES)  # bounds the memory
         level = np.concatenate([np.abs(np.exp(1j * k * np.outer(part, along)) @ self.weight) for part in parts])
-        return np.asarray(level / self.weight.sum())
+        return level / self.weight.sum()
 
 
 def _axis(offset: Array) -> Array:
     """The principal axis of positions (n, 3) about their centre, a unit vector."""
-    return np.asarray(np.linalg.svd(offset, full_matrices=False)[2][0])
+    return np.linalg.svd(offset, full_matrices=False)[2][0]
 
 
 def apertures(sweep: xr.Dataset) -> list[Aperture]:
@@ -141,7 +141,7 @@ def wandering_lobes(sides: list[Aperture], k: Array, sine: Array, weights: Array
     share = np.linspace(0.0, 1.0, max(BAND_SAMPLES, int(np.ceil(STEPS_A_LOBE * wanders)) + 1))
     weight = np.interp(share, np.linspace(0.0, 1.0, weights.size), weights)
     lobe = _lobes(sides, float(k[0]) + share * band, sine)
-    return np.asarray(np.abs(np.exp(2j * band * np.outer(beyond, share)) * weight @ lobe) / weight.sum())
+    return np.abs(np.exp(2j * band * np.outer(beyond, share)) * weight @ lobe) / weight.sum()
 
 
 def _lobes(sides: list[Aperture], k: Array, sine: Array) -> Array:

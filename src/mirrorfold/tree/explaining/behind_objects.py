@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import turned
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import ImageView
+from mirrorfold.detection import ImageView, any_curved
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_walls import last_leg
 from mirrorfold.tree.grouping import connected
@@ -45,20 +45,19 @@ def behind_objects(found: Found, view: ImageView) -> dict[Chain, Mask]:
     mirror; and only echoes no brighter than its own brightest echo, for a weaker object may be a side lobe itself. Not
     tested are echoes by way of curved mirrors, and direct echoes, for which the lines of sight tell.
     """
-    by_chain, folds = found.tree.mirrors_by_chain(), found.tree.folds()
     behind = {node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()}
 
-    flat = [node for node in found.tree.walk() if not any(mirror.curved for mirror in by_chain[node.chain])]
+    flat = [node for node in found.tree.walk() if not any_curved(node.way)]
     for generation in {node.generation for node in flat if node.chain and len(node.objects)}:
         before = [node for node in flat if node.generation <= generation]
         surfaces = _surfaces(
-            np.concatenate([folds[node.chain](node.objects.position) for node in before]),
+            np.concatenate([node.fold(node.objects.position) for node in before]),
             np.concatenate([node.objects.amplitude for node in before]),
             np.concatenate([view.cell(node.objects.range) for node in before]),
         )
         for node in (node for node in before if node.generation == generation):
-            legs, objects = last_leg(node.objects, by_chain[node.chain], view), node.objects
-            behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, np.asarray(view.cell(objects.range)))
+            legs, objects = last_leg(node.objects, node.way, view), node.objects
+            behind[node.chain] = _passed(surfaces, *legs, objects.amplitude, view.cell(objects.range))
     return behind
 
 

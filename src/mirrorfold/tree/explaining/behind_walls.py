@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from mirrorfold.common.types import Array, Chain, Mask
-from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, fold_of
+from mirrorfold.common.types import ROOT, Array, Chain, Mask
+from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, any_curved, fold_of
 from mirrorfold.detection.finding import NEAREST
 from mirrorfold.detection.search.lines import find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import BEYOND
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 BEHIND = "would stand behind a wall"
@@ -80,10 +80,10 @@ def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mi
     `by_chain` holds the mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
     """
     behind, way = np.zeros(len(echoes), dtype=bool), by_chain[chain]
-    if not len(echoes) or any(mirror.curved for mirror in way):
+    if not len(echoes) or any_curved(way):
         return behind
     others = [other for name, other in by_chain.items() if name != chain]
-    return met_by(others, *last_leg(echoes, way, view), np.asarray(view.cell(echoes.range)))
+    return met_by(others, *last_leg(echoes, way, view), view.cell(echoes.range))
 
 
 def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:
@@ -130,7 +130,7 @@ def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell
     """
     met = np.zeros(len(stands), dtype=bool)
     for way in walls:
-        if way and not any(mirror.curved for mirror in way):
+        if way and not any_curved(way):
             met |= _met(way[-1], way[:-1], leaves, stands, cell)
     return met
 
@@ -149,4 +149,4 @@ def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, ce
         for tangent, (first, last) in zip(tangents, wall.sides, strict=True):
             along = offset @ tangent
             met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * cell
-    return np.asarray(met)
+    return met

@@ -13,11 +13,10 @@ from scipy.ndimage import label, maximum_filter
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.kernels import njit
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import ROOT, Array, Index, Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 
 COPY = "is a copy of a stronger one, of the pulse's tail or a layer in a wall"
@@ -104,7 +103,7 @@ def _quantile(values: Array, share: float) -> Array:
     ordered = np.sort(values, axis=1)
     place = share * np.maximum(np.count_nonzero(np.isfinite(values), axis=1) - 1, 0)[:, None]
     low, high = (np.take_along_axis(ordered, edge(place).astype(np.intp), axis=1) for edge in (np.floor, np.ceil))
-    return np.asarray(low + (place % 1.0) * (high - low))[:, 0]
+    return (low + (place % 1.0) * (high - low))[:, 0]
 
 
 def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin: Array) -> Mask:
@@ -122,7 +121,7 @@ def _explained(view: ImageView, echoes: Echoes, row: Index, level: Array, begin:
         near, start = SAME_CELLS * view.range_cell, (begin - view.range[0]) / view.dr
         columns = echoes.direction, SAMPLES_PER_CELL, view.amplitude_by_direction
         _strongest_copies(row, *columns, delays, level[delays], start, near / view.dr, begin.any(), copy_amplitude)
-    return np.asarray(echoes.amplitude <= margin * copy_amplitude)
+    return echoes.amplitude <= margin * copy_amplitude
 
 
 @njit(nogil=True, error_model="numpy")
@@ -130,11 +129,11 @@ def _strongest_copies(
     row: Index, direction: Index, beside: int, amplitude: Array, delays: Index, level: Array, start: Array, near: float,
     twice: bool, out: Array,
 ) -> None:  # fmt: skip
-    """Amplitude of the strongest copy at each echo's `row` and `direction`, (n,) each, into `out` (n,).
+    """Amplitude of the strongest copy at each echo, (n,), into `out`: the largest ``t level[m] amplitude[c, row - d]``.
 
-    It is a copy of a sample of `amplitude` (directions, rows), in the same direction or `beside` it, earlier by one of
-    the `delays` (m,), in samples, which rise; and it is by the `level` (m,) of this delay weaker. Copies are made from
-    the samples `start` (directions,) on, less `near` samples; if `twice`, those of later ones are twice as strong.
+    The echo is at (`direction`, `row`), the directions c are its own and those `beside` it, and d is one of the rising
+    `delays` (m,), in samples. Only samples from ``start[c] - near`` on are copied. The factor t is 1; but 2 for samples
+    beyond ``start[c] + near``, if copies count `twice` there.
     """
     for n in range(row.size):
         for side in (-beside, 0, beside):

@@ -25,9 +25,6 @@ BRIGHTER = ratio_of(16.0)
 """Least amplitude of a vertex relative to the median of a row that leads through it: it is at least 16 dB brighter than
 the edges of its legs."""
 
-INSIDE_CELLS = 2.0
-"""Least distance of a vertex from either end of a row that leads through it, in resolution cells."""
-
 DIRECTIONS = np.linspace(-1.5, 1.5, 13)
 """Directions around a crossing of two rows in which a corner is looked for, in resolution cells of the array."""
 
@@ -56,24 +53,6 @@ def bright_places(mirrors: Sequence[Mirror], view: ImageView) -> Array:
         if power.max() >= (BRIGHTER * row.strength) ** 2:
             found.append(places[power.argmax()])
     return np.array(found).reshape(-1, 2)
-
-
-def lone_legs(mirrors: Sequence[Mirror], view: ImageView, shortest: float) -> list[bool]:
-    """Which rows lead through the vertex of one of the view's corners, both halves shorter than `shortest` [m].
-
-    One half is a leg of the corner, the other half the image of its other leg. Where a second row crosses it there, the
-    legs can be told. Where none does, they cannot, and a leg so short is no mirror.
-    """
-    apart = np.linalg.norm(view.corners[:, None] - vertices(mirrors), axis=2).min(axis=1, initial=np.inf)
-    cell = np.asarray(view.cell(np.linalg.norm(view.corners - view.radar, axis=1)))
-    vertex, cell, found = view.corners[apart > cell], cell[apart > cell], list[bool]()
-    for row in mirrors:
-        through = np.zeros(len(vertex), dtype=bool)
-        if isinstance(row, LineMirror):
-            halves = np.sort([row.along(vertex), row.length - row.along(vertex)], axis=0)
-            through = (halves[0] >= INSIDE_CELLS * cell) & (halves[1] < shortest) & (np.abs(row.beside(vertex)) <= cell)
-        found.append(bool(through.any()))
-    return found
 
 
 def corner_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:

@@ -21,6 +21,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.errors import InputError
+from mirrorfold.focusing.echoes.range_windows import Window
 from mirrorfold.sweep import antenna_positions, wavenumber
 from mirrorfold.tree.explaining.apertures import Aperture
 from mirrorfold.tree.explaining.waves import SweepWaves
@@ -84,7 +85,7 @@ def direction_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array)
     beams = int(np.ceil(LARGEST_SINE * 2.0 * max(view.aperture_rx, 1.0)))
     ring = np.broadcast_to(np.linspace(-LARGEST_SINE, LARGEST_SINE, 2 * beams + 1), (range_.size, 2 * beams + 1))
     level = _bistatic(waves, view, range_, u[:, None], np.column_stack([ring, u]))[..., 0]
-    return np.asarray(level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny))
+    return level[:, -1] / np.maximum(level.max(axis=1, initial=0.0), np.finfo(float).tiny)
 
 
 def amplitude_at(
@@ -101,7 +102,7 @@ def amplitude_at(
     """
     level = _bistatic(waves, view, range_, u[:, None], u[:, None], (sent, received))[:, 0, 0]
     tx, rx = (aperture.weight for aperture in waves.apertures)
-    return np.asarray(level / ((sent @ tx) * (received @ rx)))
+    return level / ((sent @ tx) * (received @ rx))
 
 
 def confocal_share(waves: SweepWaves, view: ImageView, range_: Array, u: Array) -> Array:
@@ -173,6 +174,32 @@ def bytes_at_once(sweep: xr.Dataset) -> tuple[float, float]:
     cut = 2.0 * 8.0 * count * len(tx) * len(rx) if count < k.size else 0.0
     beams = 8.0 * CHUNK * (3.0 * len(tx) + (groups + 1.0) * len(rx))
     return (windows.profile_bytes if cut else 0.0), cpu_count() * (cut + beams)
+
+
+def _at_receivers(window: Window, path: Array, weight: NDArray[np.float32], size: int) -> NDArray[np.complex64]:
+    """The waves that arrive at the receivers if the transmitters are focused on m points, (groups, rx, m).
+
+    Each group is the sum over `size` neighbouring frequencies; the last one holds the remaining ones.
+
+    Parameters
+    ----------
+    window : Window
+        The samples of the sweep.
+    path : (tx, m) array [m]
+        Length of the path that is made up for: its phase ``k path`` is added.
+    weight : (tx, m) or (tx, 1) array
+        Weights of the transmitters.
+    """
+    k, samples, taper = window
+    send, turn = weight * _phasors(k[0] * path), _phasors(mean_step(k) * path)
+    field = np.zeros((-(-k.size // size), samples.shape[2], path.shape[1]), dtype=np.complex64)
+    arrives = np.empty(field.shape[1:], dtype=np.complex64)
+    for number, share in enumerate(taper):
+        np.matmul(samples[number].T, send, out=arrives)
+        arrives *= share
+        field[number // size] += arrives
+        send *= turn
+    return field
 
 
 @njit(makes_arrays=True, nogil=True, error_model="numpy", fastmath=True)
@@ -258,7 +285,8 @@ def _bistatic(
         """Compute `level`, |sum over transmitters, receivers and frequencies|, for the points from `first` on."""
         part = near_first[first : first + at_once]
         paths = 2.0 * range_[part]
-        k, samples, taper = windows.window(paths.min() - sum(spread), paths.max() + sum(spread))
+        window = windows.window(paths.min() - sum(spread), paths.max() + sum(spread))
+        k = window.k
         dk, size = mean_step(k), _group_size(k, spread[1])
         r = np.repeat(range_[part], sent.shape[1])
         # Adding the range here, which the receivers' sum subtracts again, keeps the phases there small.
@@ -267,15 +295,7 @@ def _bistatic(
             side.weight[:, None] * (1.0 if only is None else np.repeat(only[i][part], sent.shape[1], axis=0).T)
             for i, side in enumerate((tx, rx))
         )
-        send, turn = sends.astype(np.float32) * _phasors(k[0] * path), _phasors(dk * path)
-        # The last group holds the remaining frequencies.
-        field = np.zeros((-(-k.size // size), len(rx.position), r.size), dtype=np.complex64)
-        arrives = np.empty(field.shape[1:], dtype=np.complex64)
-        for number, weight in enumerate(taper):
-            np.matmul(samples[number].T, send, out=arrives)
-            arrives *= weight
-            field[number // size] += arrives
-            send *= turn
+        field = _at_receivers(window, path, sends.astype(np.float32), size)
         field *= hears.astype(np.float32)
         of_points = field.reshape(*field.shape[:2], -1, sent.shape[1]).transpose(2, 3, 0, 1)
         # A group is taken at its middle frequency.

@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Index, Mask
-from mirrorfold.detection import Echoes, View, fold_of
+from mirrorfold.common.types import ROOT, UNSEEN, Index, Mask
+from mirrorfold.detection import Echoes, View
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 BEHIND_CELLS = 1.5
@@ -41,11 +40,10 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             beside = ((shown == mirror) & behind)[own]
             if not beside.any():
                 continue
-            number = object_numbers(view, echoes.range[own], echoes.direction[own])
+            number = object_numbers(view, echoes.take(own))
             reaches_on = np.bincount(number, weights=~beside) > 0.0
             moved = own[~reaches_on[number]]
-            fold = fold_of(order.mirrors_to(mirror), view.dimensions)
-            owner[moved[~sight.contradicted(echoes.take(moved), fold)]] = mirror
+            owner[moved[~sight.contradicted(echoes.take(moved), order.fold(mirror))]] = mirror
     return owner
 
 
@@ -63,7 +61,7 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     sight, view, corrected = order.sight, order.sight.view, owner.copy()
     if not order.mirrors:
         return corrected
-    through, of_wall = sight.seen_through(echoes.range, echoes.direction), order.shown_by(echoes)
+    through, of_wall = sight.through(echoes), order.shown_by(echoes)
     of_wall[~(echoes.visible & echoes.strong) | (order.face < 0)] = UNSEEN
     sides = view.beside(echoes.range, echoes.direction, STRONG_SHARE)
     beside_in = np.array([sight.seen_through(echoes.range, side) for side in sides])
@@ -91,10 +89,10 @@ def _foot(view: View, echoes: Echoes, before: Mask, beside: Mask) -> Mask:
 
     Those `beside` the end, (n,), are less than a beam away from it.
     """
-    amplitude, place = echoes.amplitude, (echoes.range, echoes.direction)
-    number, level = object_numbers(view, *place), object_numbers(view, *place, depth=BEHIND_CELLS * view.range_cell)
+    amplitude = echoes.amplitude
+    number, level = object_numbers(view, echoes), object_numbers(view, echoes, depth=BEHIND_CELLS * view.range_cell)
     inside, beyond, far = (brightest_of(number, np.where(some, amplitude, 0.0))
                            for some in (before, ~before, before & ~beside))  # fmt: skip
     foot = before & ((beyond > inside) & (far <= FALLEN * beyond))[number]
     outshone = brightest_of(level, np.where(before, 0.0, amplitude))[level] > amplitude
-    return np.asarray(foot & outshone)
+    return foot & outshone

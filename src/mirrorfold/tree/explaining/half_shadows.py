@@ -159,7 +159,7 @@ def _zones(view: ImageView, range_: Array, end: Array) -> Array:
     distance = np.linalg.norm(end - view.radar)
     length = min(view.aperture_tx, view.aperture_rx)  # in wavelengths
     ahead = np.maximum(range_ - distance, 0.0)
-    return np.asarray(length * np.sqrt(view.wavelength * ahead / (range_ * distance)))
+    return length * np.sqrt(view.wavelength * ahead / (range_ * distance))
 
 
 def _overhang(outside: Array, into: Mask, reach: float) -> float:

@@ -96,7 +96,7 @@ def known_corners(position: Array, view: ImageView, places: Array) -> Mask:
     """As `are_corners`, from the places (m, 2) [m] of corners that were found before."""
     if not len(places):
         return np.zeros(len(position), dtype=bool)
-    return np.asarray(cKDTree(view.in_cells(places)).query(view.in_cells(position))[0] <= GHOST_CELLS)
+    return cKDTree(view.in_cells(places)).query(view.in_cells(position))[0] <= GHOST_CELLS
 
 
 def _seen(echoes: Echoes) -> tuple[Array, Array]:

@@ -17,10 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Index, Mask
-from mirrorfold.detection import Echoes, Fold, ImageView, fold_of
+from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
+from mirrorfold.detection import Echoes, Fold, ImageView, any_curved
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
-from mirrorfold.tree.lines_of_sight import ROOT, UNSEEN
 from mirrorfold.tree.ordering import Order
 
 SCATTERED = "was scattered by a rough wall on the way to something else and back"
@@ -65,12 +64,12 @@ def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> M
     objects = _objects(order, echoes)
     for rough, parent in enumerate(sight.parent):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
-        if not face.size or any(mirror.curved for mirror in order.mirrors_to(rough)):
+        if not face.size or any_curved(order.mirrors_to(rough)):
             continue
         begin = sight.crossing[rough, echoes.direction]
         own = echoes.visible & (shown_by == rough) & np.isfinite(begin)
         own = np.flatnonzero(own & (echoes.amplitude <= np.quantile(face, BRIGHT)))
-        surface = _Surface(view, sight.crossing[rough], fold_of(order.mirrors_to(int(parent)), view.dimensions))
+        surface = _Surface(view, sight.crossing[rough], order.fold(int(parent)))
         seen = echoes.take(own)
         for other, wall in flat.items():
             if other != rough:
@@ -103,7 +102,7 @@ class _Surface:
 
     def depth_behind(self, echoes: Echoes) -> Array:
         """Distance of each echo behind the wall along its line of sight, (n,) [m]."""
-        return np.asarray(echoes.range - self.crossing[echoes.direction])
+        return echoes.range - self.crossing[echoes.direction]
 
     def median_amplitude(self, depth: Array, counts: Mask) -> Array:
         """Median amplitude of the image at given distances behind places of the wall, (m,); infinite without places.
@@ -132,7 +131,7 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
     distance, beyond = square_distances(rough.places, wall)
     at, off = rough.of(echoes), EXPECTED_CELLS * rough.view.range_cell
     before = beyond[at] <= rough.view.cell(echoes.range)
-    return np.asarray(before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off))
+    return before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off)
 
 
 class _Objects(NamedTuple):
@@ -183,7 +182,7 @@ def _of_objects(
     if corners is not None:
         bright = (found[:, some] & ~faint).any(axis=0)
         legs[bright] = corners(objects.seen[some[bright]])
-    return np.asarray((found[:, some] & (faint | legs)).any(axis=1))
+    return (found[:, some] & (faint | legs)).any(axis=1)
 
 
 def _objects(order: Order, echoes: Echoes) -> _Objects:
@@ -191,10 +190,9 @@ def _objects(order: Order, echoes: Echoes) -> _Objects:
     view = order.sight.view
     objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
     objects = objects.take(view.brightest(objects.position, objects.amplitude))
-    through = order.sight.seen_through(objects.range, objects.direction)
+    through = order.sight.through(objects)
     objects, through = objects.take(through != UNSEEN), through[through != UNSEEN]
     places = np.empty_like(objects.position)
     for index in np.unique(through):
-        fold = fold_of(order.mirrors_to(int(index)), view.dimensions)
-        places[through == index] = fold(objects.position[through == index])
+        places[through == index] = order.fold(int(index))(objects.position[through == index])
     return _Objects(objects.position, places, objects.amplitude)

@@ -48,7 +48,7 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     """
     if not isinstance(view, ImageView) or not len(objects) or not mirrors:
         return np.zeros(len(objects), dtype=bool)
-    number = object_numbers(view, objects.range, objects.direction)
+    number = object_numbers(view, objects)
     back = objects.range + view.object_depth(objects.range)
     brightest = brightest_of(number, objects.amplitude)
     depth = np.zeros(brightest.size)
@@ -73,4 +73,4 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     meets = summed(met)
     casts_none = (meets >= BEFORE * summed(np.ones(met.size))) & (summed(met & (nearest <= depth[covering])) == 0.0)
     casts_none &= summed(shown) >= np.maximum(meets * brightest**2, summed(met * usual**2))
-    return np.asarray(casts_none[number])
+    return casts_none[number]

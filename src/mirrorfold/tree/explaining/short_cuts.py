@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Mask
-from mirrorfold.detection import Echoes, ImageView, fold_of
+from mirrorfold.common.types import ROOT, Array, Mask
+from mirrorfold.detection import Echoes, ImageView, any_curved
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS
-from mirrorfold.tree.lines_of_sight import ROOT
 from mirrorfold.tree.ordering import Order
 
 SHORT_CUT = "took a short cut by a rough wall one way, and came by mirrors the other"
@@ -39,18 +38,17 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
     found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
     if not isinstance(view, ImageView):
         return found
-    through = sight.seen_through(echoes.range, echoes.direction)
+    through = sight.through(echoes)
     objects = np.flatnonzero(echoes.strong & (order.face < 0) & (through >= 0))
     objects = objects[view.brightest(echoes.position[objects], echoes.amplitude[objects])]
     for last in np.unique(through[objects]):
-        way = order.mirrors_to(int(last))
-        if any(mirror.curved for mirror in way):
+        if any_curved(order.mirrors_to(int(last))):
             continue
         bright = echoes.take(objects[through[objects] == last])
-        places = fold_of(way, view.dimensions)(bright.position)
+        places = order.fold(int(last))(bright.position)
         rough = int(sight.parent[last])
         while rough >= 0:
-            before = fold_of(order.mirrors_to(int(sight.parent[rough])), view.dimensions)
+            before = order.fold(int(sight.parent[rough]))
             crossing = sight.crossing[rough, echoes.direction]
             met = before(view.points(np.where(np.isfinite(crossing), crossing, np.nan), echoes.direction))
             asked = np.flatnonzero((order.face == ROOT) & ~found & (echoes.range > crossing))
@@ -70,4 +68,4 @@ def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Ec
     made &= np.abs(view.u[echoes.direction][:, None] - view.u[bright.direction]) <= ACROSS_CELLS * view.u_cell
     made &= np.abs(echoes.range[:, None] - bright.range) >= FROM_IMAGE_CELLS * view.range_cell
     made &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * bright.amplitude
-    return np.asarray(made.any(axis=1))
+    return made.any(axis=1)

@@ -24,12 +24,12 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror
+from mirrorfold.common.types import ROOT, Array, Chain, Index, Mask
+from mirrorfold.detection import Echoes, ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.grouping import connected, object_numbers
-from mirrorfold.tree.lines_of_sight import ROOT, LinesOfSight
+from mirrorfold.tree.lines_of_sight import LinesOfSight
 
 TO_AND_FRO = "went to and fro between an object and a wall, or another object"
 
@@ -62,23 +62,23 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
 
     The known object may be seen by way of other mirrors than the echo. Curved mirrors and walls are not tested.
     """
-    sight, by_chain, folds = found.sight, found.tree.mirrors_by_chain(), found.tree.folds()
-    objects = {node.chain: node.objects for node in found.tree.walk()}
+    sight, nodes = found.sight, list(found.tree.walk())
+    objects = {node.chain: node.objects for node in nodes}
     marks = {chain: np.zeros(len(echoes), dtype=bool) for chain, echoes in objects.items()}
 
     faces = {chain: _face(echoes, view) for chain, echoes in objects.items()}
-    placed = {chain: folds[chain](place) for chain, (place, _) in faces.items()}
+    placed = {node.chain: node.fold(faces[node.chain][0]) for node in nodes}
     stands, level = np.concatenate(list(placed.values())), np.concatenate([level for _, level in faces.values()])
     true = {chain: placed[chain][: len(echoes)] for chain, echoes in objects.items()}
     others = _others(true, objects, view)
-    flat = {chain: way for chain, way in by_chain.items() if not any(mirror.curved for mirror in way)}
+    flat = {node.chain: node.way for node in nodes if not any_curved(node.way)}
     walls = [true_ends(way) for way in flat.values() if way]
     number = {(): ROOT} | {chain: index for index, chain in enumerate(sight.chain) if chain}
     for chain, way in flat.items():
         place, later, behind = _behind(objects[chain], stands, way, sight, number[chain])
         pairs = _Pairs(
             stands[place], true[chain][later], behind, level[place],
-            objects[chain].amplitude[later], np.asarray(view.cell(objects[chain].range[later])),
+            objects[chain].amplitude[later], view.cell(objects[chain].range[later]),
         )  # fmt: skip
         for told in _turned_at(walls, pairs, view.range_cell):
             marks[chain][later[told]] = True
@@ -126,9 +126,10 @@ def _turned_at(walls: Sequence[Array], pairs: _Pairs, range_cell: float) -> Iter
 
 
 def _turned_beside(others: Sequence[tuple[cKDTree, float]], pairs: _Pairs, range_cell: float) -> Iterator[Mask]:
-    """Which echoes behind places turned at another object than their own and that of the place, (n,), for each object.
+    """Which echoes behind places turned at an object beside the place, (n,), for each of the objects.
 
-    Between two objects, which both spread the wave, the echo is weaker than either. `range_cell` is in [m].
+    That object is neither the one at the place, nor the one that would stand at the echo. Both objects spread the wave,
+    so that the echo is weaker than either. `range_cell` is in [m].
     """
     for places, brightest in others:
         away, own = (places.query(place)[0] for place in (pairs.place, pairs.echo))
@@ -203,7 +204,7 @@ def _peaks(echoes: Echoes, view: ImageView) -> Index:
 def _brightest(echoes: Echoes, view: ImageView) -> Array:
     """Amplitude of the brightest echo of each echo's own object, of those before it or unresolved from it, (n,)."""
     level = echoes.amplitude.copy()
-    of_object = object_numbers(view, echoes.range, echoes.direction) if len(echoes) else np.empty(0, dtype=np.intp)
+    of_object = object_numbers(view, echoes) if len(echoes) else np.empty(0, dtype=np.intp)
     for number in np.unique(of_object):
         own = np.flatnonzero(of_object == number)
         own = own[np.argsort(echoes.range[own])]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,22 +16,10 @@ EXPECTED_CELLS = 0.75
 BEYOND = 1.0
 """Largest length of a wall beyond either end, in lengths of its seen part: objects often hide half of a wall."""
 
-MOST_WALLS = 16
-"""Number of the strongest walls that are used in pairs: the time grows with its square."""
 
-MirrorChain = tuple[Mirror, ...]
-"""The mirrors of a chain, the nearest to the radar first."""
-
-
-def strongest_flat(chains: Iterable[MirrorChain]) -> list[MirrorChain]:
-    """The chains that end at the strongest walls, the strongest first, among those without a curved mirror."""
-    flat = (chain for chain in chains if chain and not any(mirror.curved for mirror in chain))
-    return sorted(flat, key=lambda chain: -chain[-1].strength)[:MOST_WALLS]
-
-
-def true_ends(chain: MirrorChain) -> Array:
+def true_ends(way: Sequence[Mirror]) -> Array:
     """True places of the ends of the last mirror of a chain, (2, d) [m]."""
-    *before, wall = chain
+    *before, wall = way
     return fold_of(before, wall.ends.shape[1])(wall.ends)
 
 

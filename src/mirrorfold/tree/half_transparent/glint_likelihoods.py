@@ -10,7 +10,7 @@ multiplies spectra by R^2 or T^2 (`mirrorfold.common.slabs`). For each echo, wal
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from scipy.special import gammaln
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.tree.half_transparent.misfits import REORDERED, over_walls, unparallel, wall_waves
+from mirrorfold.tree.half_transparent.panes import Pairs, Spectra, power_of
 
 SCALES = 10.0 ** np.arange(-4.0, -0.4, 0.5)
 """Scales of error that are averaged over: power of the error over that of the echo. They range from 1 % of the
@@ -42,58 +43,34 @@ GLINT_NUMBERS = 2.5
 """Free complex numbers in the spectra of a glint: an amplitude in either polarization, and a delay, which is real."""
 
 
-class Measured(NamedTuple):
-    """What is measured of echoes behind a wall.
-
-    Attributes
-    ----------
-    whole : (2, n, m) complex array
-        Spectra of whole echoes in TE and TM, times their taper.
-    power : (n,) array
-        Power of whole echoes over all frequencies, in both polarizations, without that second taper.
-    ratio : (n, 3, m) complex array
-        Of the spectra that the test of ratios uses: powers of TE and of TM, and TM times the conjugate of TE.
-    total : (n,) array
-        Power of those spectra over all frequencies, of both.
-    noise : (n,) array
-        Power of the noise over that of the echo, for one independent value.
-    angle : (n,) array [rad]
-    wavenumber, taper : (m,) arrays
-        Wavenumbers [rad/m], and the window over frequency that the spectra contain.
-    independent : float
-        Number of independent values of each spectrum.
-    cell : float [m]
-        Range cell.
-    """
-
-    whole: NDArray[np.complex128]
-    power: Array
-    ratio: NDArray[np.complex128]
-    total: Array
-    noise: Array
-    angle: Array
-    wavenumber: Array
-    taper: Array
-    independent: float
-    cell: float
-
-
 Tables = tuple[Any, ...]
 """What `likelihoods` needs of the echoes, see `tables`."""
 
 
-def tables(echoes: Measured, powers: tuple[float, ...]) -> Tables:
-    """What does not depend on the wall; `powers` are those of frequency with which the amplitude of glints may fall."""
-    k, n = echoes.wavenumber, echoes.independent
+def tables(pairs: Pairs, whole: Spectra, taper: Array, powers: tuple[float, ...]) -> Tables:
+    """What does not depend on the wall.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The echoes behind the wall.
+    whole : (2, n, m) complex array
+        Spectra of the whole echoes in TE and TM.
+    taper : (m,) array
+        The window over frequency that these spectra contain.
+    powers : tuple of float
+        Powers of frequency with which the amplitude of glints may fall.
+    """
+    k, n = pairs.wavenumber, pairs.independent
     offset = np.pad(k - k.mean(), (0, -k.size % LANES))
-    turns = 2.0 * np.outer(DELAY_STEP * echoes.cell * np.arange(DELAYS + 1), offset)
+    turns = 2.0 * np.outer(DELAY_STEP * pairs.cell * np.arange(DELAYS + 1), offset)
     falls = (k / k.mean()) ** np.array(powers)[:, None]
     # Numbers that a model leaves free, and the constant of each likelihood: that of a random direction.
     left = np.array([2.0 * n - GLINT_NUMBERS, n - 0.5])
     usual = np.log(SCALES.size) - gammaln(2.0 * n - left) + gammaln(2.0 * n)
     return (
-        *(k, echoes.angle, echoes.whole, echoes.power, echoes.ratio, echoes.total, echoes.noise),
-        *(falls, (falls * echoes.taper) ** 2, np.cos(turns), np.sin(turns)),
+        *(k, pairs.angle, whole * taper, power_of(whole).sum(axis=(0, 2)), pairs.products, pairs.power, pairs.noise),
+        *(falls, (falls * taper) ** 2, np.cos(turns), np.sin(turns)),
         *(left, usual, SCALES, np.stack([0.5 * LEVELS / UNLIKE.size / UNLIKE**2, 0.5 / UNLIKE**2])),
     )
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, Fold, Mirror, View
+from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.explaining.behind_walls import last_leg, met_by, prolonged_where_hidden
 from mirrorfold.tree.grouping import object_numbers
@@ -54,12 +54,12 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
     """
     if any(node.mirror is not None and node.mirror.curved for node in found.tree.walk()):
         return found
-    folds, by_chain = found.tree.folds(), prolonged_where_hidden(found)
+    by_chain = prolonged_where_hidden(found)
     transparent_walls = []
     for node in found.tree.mirrors:
         if node.mirror is None or not len(node.objects):
             continue
-        passed = passage(found, view, node, folds, by_chain)
+        passed = passage(found, view, node, by_chain)
         through = passed > UNDECIDED
         if through.any():
             seen, tested = node.objects.take(through), (node.objects.position, passed)
@@ -72,19 +72,18 @@ def passage(
     found: Found,
     view: View,
     node: MirrorTree,
-    folds: Mapping[Chain, Fold],
     by_chain: Mapping[Chain, tuple[Mirror, ...]],
 ) -> Array:
     """Probability that each object echo of `node`, behind its wall, passed through the wall, (n,)."""
     echoes, chain = node.objects, node.chain
-    folded = folds[chain](echoes.position)
+    folded = node.fold(echoes.position)
     others = [other for other in found.tree.walk() if other is not node]
     # An object behind the wall is seen there by chains that do not begin with the wall.
     around = [other for other in others if other.chain and other.chain[: len(chain)] != chain]
     there = _shown(view, echoes.position, [_seen_around(other, by_chain, by_chain[chain], view) for other in around])
-    faces = [folds[other.chain[:-1]](other.face.position) for other in others if other.chain]
-    mirrored = _shown(view, folded, [*faces, *(folds[other.chain](other.objects.position) for other in others)])
-    number = object_numbers(view, echoes.range, echoes.direction)
+    faces = [other.face_fold(other.face.position) for other in others if other.chain]
+    mirrored = _shown(view, folded, [*faces, *(other.fold(other.objects.position) for other in others)])
+    number = object_numbers(view, echoes)
     # An object that is seen at both places decides nothing.
     passed = _of_marked_objects(number, there & ~mirrored, view, echoes)
     reflected = _of_marked_objects(number, mirrored & ~there, view, echoes)
@@ -99,17 +98,17 @@ def _seen_around(
     Those are left out because every mirror that shows the wall also shows, behind it, the objects that it reflects.
     """
     leaves, stands = last_leg(node.objects, by_chain[node.chain], view)
-    return stands[~met_by([wall], leaves, stands, np.asarray(view.cell(node.objects.range)))]
+    return stands[~met_by([wall], leaves, stands, view.cell(node.objects.range))]
 
 
 def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) -> Mask:
     """Which echoes are of objects with enough resolution cells that hold `marked` echoes, (n,)."""
     pairs = np.unique(np.stack([number, view.cell_numbers(echoes.position)])[:, marked], axis=1)
-    return np.asarray((np.bincount(pairs[0], minlength=int(number.max(initial=0)) + 1) >= FEWEST)[number])
+    return (np.bincount(pairs[0], minlength=int(number.max(initial=0)) + 1) >= FEWEST)[number]
 
 
 def _shown(view: View, places: Array, seen: Sequence[Array]) -> Mask:
     """Which places (n, d) [m] agree with one of the places in `seen`, arrays of (m, d) [m]: (n,)."""
     elsewhere = np.concatenate([np.empty((0, view.dimensions)), *seen])
-    cell = np.asarray(view.cell(np.linalg.norm(places - view.radar, axis=1)))
-    return np.asarray(cKDTree(elsewhere).query(places)[0] < SAME_PLACE * cell)
+    cell = view.cells_at(places)
+    return cKDTree(elsewhere).query(places)[0] < SAME_PLACE * cell

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,31 +63,6 @@ BATCH = 500
 """Number of walls that are tried at once: so few that the misfits of all echoes stay in a cache of a megabyte."""
 
 
-class Products(NamedTuple):
-    """What the misfits of echoes in two polarizations are made of, for any wall.
-
-    Attributes
-    ----------
-    te, tm : (n, m) arrays
-        Powers.
-    mixed : (n, m) complex array
-        TM times the conjugate of TE.
-    total : (n,) array
-        Power over all frequencies, of both.
-    """
-
-    te: Array
-    tm: Array
-    mixed: Spectra
-    total: Array
-
-    @classmethod
-    def of(cls, te: Spectra, tm: Spectra) -> Products:
-        """Of the spectra (n, m) of echoes."""
-        power_te, power_tm = power_of(te), power_of(tm)
-        return cls(power_te, power_tm, np.conj(te) * tm, np.asarray(np.sum(power_te + power_tm, axis=-1)))
-
-
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """Echoes behind a wall in both polarizations.
@@ -129,27 +103,28 @@ class Pairs:
 
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """Misfits of reflection and of transmission, (w, n) each, at walls of permittivity and thickness [m], (w,)."""
-        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self.ratio) / self.products.total
+        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self.products) / self.power
         return left[0], left[1]
 
     @cached_property
-    def ratio(self) -> Spectra:
+    def products(self) -> Spectra:
         """Powers of TE and of TM, and TM times the conjugate of TE, of every echo, (n, 3, m)."""
-        return np.stack(self.products[:3], axis=1).astype(complex)
+        mixed = np.conj(self.te) * self.tm
+        return np.stack([power_of(self.te), power_of(self.tm), mixed], axis=1)
 
     @cached_property
-    def products(self) -> Products:
-        """Of both polarizations of every echo."""
-        return Products.of(self.te, self.tm)
+    def power(self) -> Array:
+        """Power of every echo over all frequencies, in both polarizations, (n,)."""
+        return np.sum(power_of(self.te) + power_of(self.tm), axis=-1)
 
     def log_likelihood(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of a `misfit`, up to a constant."""
-        return np.asarray(-self.independent * misfit / (MISMATCH**2 + self.noise))
+        return -self.independent * misfit / (MISMATCH**2 + self.noise)
 
     @property
     def other(self) -> Array:
         """`log_likelihood` of other echoes, (n,): its mean over all pairs of amplitudes, of a mean misfit of a half."""
-        return np.asarray(np.log(OTHER_SHARE) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise)))
+        return np.log(OTHER_SHARE) - 0.5 * np.log(self.independent / (MISMATCH**2 + self.noise))
 
     def mixed(self, reflected: Array, passed: Array) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, from the misfits (w, n) of
@@ -160,7 +135,7 @@ class Pairs:
 
     def alone(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of one kind, from its misfit (w, n), and of others, summed over echoes, (w,)."""
-        return np.asarray(np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1))
+        return np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1)
 
     def with_metal(self, spread_db: float) -> float:
         """Logarithm of the likelihood of a metal mirror, whose objects may return one polarization stronger than the
@@ -210,7 +185,7 @@ def best_mixture(
 
 def power_of(values: Spectra) -> Array:
     """Squared magnitude, of the same shape."""
-    return np.asarray(values.real**2 + values.imag**2)
+    return values.real**2 + values.imag**2
 
 
 @dataclass(frozen=True)
@@ -291,6 +266,10 @@ def _trials(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
 PEAKS = 12
 """Number of best trials from which a peak of the likelihood is searched."""
 
+DERIVATIVE_STEP, LEAST_EIGENVALUE = 0.3, 1e-6
+"""Step of numerical derivatives at a peak; and the least eigenvalue of the second derivatives that counts: smaller ones
+mean that the data say nothing about that combination of numbers."""
+
 
 def _peaks(score: Array, eps: NDArray[np.complex128], thickness: Array) -> list[int]:
     """Indices of the best trials, no two of them neighbours in permittivity and thickness."""
@@ -324,15 +303,14 @@ def _polished(pairs: Pairs, eps: complex, thickness: float) -> tuple[Array, floa
     return start + found.x * scale, -float(found.fun), _covariance(cost, found.x) * np.outer(scale, scale)
 
 
-def _covariance(cost: Callable[[Array], float], at: Array, step: float = 0.3, least: float = 1e-6) -> Array:
+def _covariance(cost: Callable[[Array], float], at: Array) -> Array:
     """Covariance of n numbers, (n, n): the inverse of the second derivatives of `cost`, the negative log-likelihood.
 
-    Derivatives are differences over twice a `step`. Their eigenvalues are at least `least`: smaller ones mean that the
-    data say nothing about that combination of numbers.
+    Derivatives are differences over twice `DERIVATIVE_STEP`, their eigenvalues at least `LEAST_EIGENVALUE`.
     """
-    units = step * np.eye(at.size)
+    units = DERIVATIVE_STEP * np.eye(at.size)
     slopes = np.array([
         [cost(at + a + b) - cost(at + a - b) - cost(at - a + b) + cost(at - a - b) for b in units] for a in units
-    ]) / (4.0 * step**2)  # fmt: skip
+    ]) / (4.0 * DERIVATIVE_STEP**2)  # fmt: skip
     value, vector = np.linalg.eigh(slopes)
-    return np.asarray((vector / np.maximum(value, least)) @ vector.T)
+    return (vector / np.maximum(value, LEAST_EIGENVALUE)) @ vector.T

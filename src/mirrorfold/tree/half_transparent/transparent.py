@@ -200,7 +200,7 @@ def agreed_odds(place: Array, odds: Array) -> Array:
     Echoes close together are mostly of one object, which passed or was reflected as a whole.
     """
     near = np.abs(place[:, None] - place).max(axis=-1) <= NEIGHBOURS
-    return np.asarray(near @ odds)
+    return near @ odds
 
 
 def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
@@ -226,7 +226,7 @@ def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pa
 
 def incidence(view: View, position: Array, mirror: Mirror) -> Array:
     """Angles [rad] at which lines of sight through places (n, d) [m] meet a mirror, (n,)."""
-    return np.asarray(np.arccos(np.clip(np.abs(unit(position - view.radar) @ mirror.normal), 0.0, 1.0)))
+    return np.arccos(np.clip(np.abs(unit(position - view.radar) @ mirror.normal), 0.0, 1.0))
 
 
 def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: Array) -> Array:
@@ -241,7 +241,7 @@ def placed(view: View, position: Array, mirror: Mirror, pane: Pane, wavenumber: 
     across = unit_or_zero(aside - np.sum(aside * sight, axis=1)[:, None] * sight)
     late = lateness(pane, angle, wavenumber)
     slope = (lateness(pane, angle + ANGLE_STEP, wavenumber) - late) / ANGLE_STEP
-    return np.asarray(position - late[:, None] * sight - slope[:, None] * across)
+    return position - late[:, None] * sight - slope[:, None] * across
 
 
 def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
@@ -253,12 +253,12 @@ def lateness(pane: Pane, angle: Array, wavenumber: Array) -> Array:
     passed = slab(*wall, "TE", rms_height=pane.rms_height)[1]
     step = wavenumber[1] - wavenumber[0]
     turn = np.sum(passed[:, 1:] * np.conj(passed[:, :-1]) * hann(wavenumber.size - 1), axis=1)
-    return np.asarray(-np.angle(turn) / step)
+    return -np.angle(turn) / step
 
 
 def _key(echoes: Echoes) -> Array:
     """A complex number that identifies each echo, from its direction and range, (n,)."""
-    return np.asarray(echoes.direction + 1j * echoes.range)
+    return echoes.direction + 1j * echoes.range
 
 
 def _with_new_mirror(wall: TransparentWall, found: Found) -> TransparentWall:

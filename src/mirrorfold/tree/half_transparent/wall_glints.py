@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
-from mirrorfold.tree.half_transparent.glint_likelihoods import Measured, Tables, likelihoods, tables
+from mirrorfold.tree.half_transparent.glint_likelihoods import Tables, likelihoods, tables
 from mirrorfold.tree.half_transparent.panes import (
     MOST_ODDS,
     OTHER_SHARE,
@@ -31,7 +31,6 @@ from mirrorfold.tree.half_transparent.panes import (
     Pane,
     Spectra,
     best_mixture,
-    power_of,
 )
 
 STEEPEST = -2.0
@@ -89,27 +88,14 @@ class Glints:
         """Weight of each echo: one over the number of echoes that overlap with it, itself included, (n,)."""
         apart = np.abs(self.place[:, None] - self.place)
         near = (apart[..., 0] <= OVERLAP[0]) & (apart[..., 1:] <= OVERLAP[1]).all(axis=-1)
-        return np.asarray(1.0 / near.sum(axis=1))
+        return 1.0 / near.sum(axis=1)
 
     def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS, kinds: int = 2) -> Array:
         """Logarithms of the likelihoods of echoes that walls reflected, and of echoes that passed through, over that of
         arbitrary spectra, (kinds, w, n); with one of the two `kinds`, of reflected ones alone.
         """
         if powers not in self._tables:
-            pairs, whole = self.pairs, np.stack([self.te, self.tm])
-            measured = Measured(
-                whole=whole * self.taper,
-                power=power_of(whole).sum(axis=(0, 2)),
-                ratio=pairs.ratio,
-                total=pairs.products.total,
-                noise=pairs.noise,
-                angle=pairs.angle,
-                wavenumber=pairs.wavenumber,
-                taper=self.taper,
-                independent=pairs.independent,
-                cell=pairs.cell,
-            )
-            self._tables[powers] = tables(measured, powers)
+            self._tables[powers] = tables(self.pairs, np.stack([self.te, self.tm]), self.taper, powers)
         return likelihoods(*walls, self._tables[powers], kinds)
 
     @cached_property
@@ -117,28 +103,26 @@ class Glints:
         """The `tables` that were made, by powers of frequency."""
         return {}
 
-    def mixed(self, walls: Walls, powers: tuple[float, ...] = POWERS) -> tuple[Array, Array]:
+    def mixed(self, walls: Walls) -> tuple[Array, Array]:
         """Logarithm of the likelihood of a mixture of reflected, passed and other echoes, summed over echoes, (w,); and
         the share of passed echoes that makes it largest, (w,).
         """
-        reflected, passed = self.likelihoods(walls, powers)
-        return self._mixed(reflected, passed)
+        return self._mixed(*self.likelihoods(walls))
 
     def alone(self, walls: Walls) -> Array:
         """The same logarithm if no echo passed: all were reflected, or are others, (w,)."""
-        (reflected,) = self.likelihoods(walls, kinds=1)
-        return self._alone(reflected)
+        return self._alone(*self.likelihoods(walls, kinds=1))
 
-    def mixed_and_alone(self, walls: Walls, powers: tuple[float, ...] = POWERS[1:2]) -> tuple[Array, Array]:
-        """The logarithms of `mixed` and of `alone` for some `powers` of frequency, (w,) each."""
-        reflected, passed = self.likelihoods(walls, powers)
+    def mixed_and_alone(self, walls: Walls) -> tuple[Array, Array]:
+        """The logarithms of `mixed` and of `alone` for the middle one of the `POWERS` of frequency, (w,) each."""
+        reflected, passed = self.likelihoods(walls, POWERS[1:2])
         return self._mixed(reflected, passed)[0], self._alone(reflected)
 
     def _mixed(self, reflected: Array, passed: Array) -> tuple[Array, Array]:
         return best_mixture(reflected, passed, np.log(OTHER_SHARE), lambda each: each @ self.weight)
 
     def _alone(self, reflected: Array) -> Array:
-        return np.asarray(np.logaddexp(reflected, np.log(OTHER_SHARE)) @ self.weight)
+        return np.logaddexp(reflected, np.log(OTHER_SHARE)) @ self.weight
 
     def log_odds(self, pane: Pane) -> Array:
         """Logarithm of the odds that each echo passed through the wall, against reflection, (n,)."""

@@ -84,7 +84,7 @@ class _Space:
         log, loss, phase, roughness = numbers.T
         low, high = np.log(PERMITTIVITY[0] / 1.2), np.log(1.2 * PERMITTIVITY[1])
         within = (log > low) & (log < high) & (np.abs(loss) < MOST_LOSS)
-        return np.asarray(within & (phase > 0.0) & (np.abs(roughness) < MOST_HEIGHT))
+        return within & (phase > 0.0) & (np.abs(roughness) < MOST_HEIGHT)
 
 
 def measured_pane(glints: Glints, pane: Pane) -> Pane:
