@@ -91,6 +91,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "what would stand behind walls": ({explained_by_tree: {"behind_walls": nobody}}, {}),
     "what would stand behind objects": ({explained_by_tree: {"behind_objects": nobody_at_all}}, {}),
     "what goes to and fro": ({explained_by_tree: {"to_and_fro": nobody_at_all}}, {}),
+    "what flat objects reflect on": ({explained_by_tree: {"reflected_on": nobody_at_all}}, {}),
     "flanks of explained waves": (
         {explained_by_tree: {"flanks": lambda echoes, *given: np.full(len(echoes), "")}},
         {},

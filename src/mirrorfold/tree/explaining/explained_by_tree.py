@@ -20,6 +20,7 @@ from mirrorfold.tree.explaining.behind_walls import (
 )
 from mirrorfold.tree.explaining.flanks import flanks
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
+from mirrorfold.tree.explaining.reflected_on import REFLECTED_ON, reflected_on
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -40,11 +41,14 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
     if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them
         marks = {node.chain: behind_walls(node.objects, node.chain, longer, view) for node in found.tree.walk()}
         return _without(found, {chain: np.where(hidden, BEHIND, "") for chain, hidden in marks.items()})
-    longer, turned_back = longer | flat_objects(found, view), to_and_fro(found, view)
+    rows = flat_objects(found, view)
+    reflected = reflected_on(found, view, found.tree.mirrors_by_chain() | rows)
+    longer, turned_back = longer | rows, to_and_fro(found, view)
     causes = (
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
         (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
         (TO_AND_FRO, lambda node: turned_back[node.chain]),
+        (REFLECTED_ON, lambda node: reflected[node.chain]),
         (OUTSHONE, lambda node: outshone(node.objects, view)),
     )
     found = _without(found, {

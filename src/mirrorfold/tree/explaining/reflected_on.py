@@ -1,0 +1,119 @@
+"""Echoes of waves that a flat object or the back of a wall beside their path reflected, on to a thing that is known.
+
+A flat object that is no mirror in the image still reflects, and so does the back of a wall. If the last leg of an
+echo's path passes well inside of its ends, nothing stands behind it (`behind_walls`). If the leg passes close to an
+end, both may be: the wave went past the end, or the end reflected it. If the end did, the true place follows from
+reflecting the leg there, and at each wall that it meets from there on. If a known thing stands at just that place, the
+wave came from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mirrorfold.common.geometry import crossing, reflect, segment_normal
+from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection import ImageView, Mirror, any_curved
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.behind_walls import BEHIND_CELLS, INSIDE_CELLS, last_leg
+from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, true_ends
+from mirrorfold.tree.mirror_tree import MirrorTree
+
+REFLECTED_ON = "comes from a known place, by way of a flat object"
+
+MOST_REFLECTIONS = 3
+"""Largest number of reflections that are followed from the last mirror on."""
+
+
+def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[Mirror]]) -> dict[Chain, Mask]:
+    """Which object echoes of each chain of flat mirrors were reflected on to a known place, (n,) each.
+
+    Parameters
+    ----------
+    found : Found
+    view : ImageView
+    walls : mapping of chain to sequence of Mirror
+        Known walls and flat objects, each with the mirrors before it by way of which it is seen.
+    """
+    ends = {chain: true_ends(tuple(way)) for chain, way in walls.items() if way and not any_curved(way)}
+    nodes = list(found.tree.walk())
+    others = {node.chain: [wall for chain, wall in ends.items() if chain != node.chain] for node in nodes}
+    near = {node.chain: _near_ends(node, others[node.chain], view) for node in nodes}
+    # An echo that is in doubt itself explains no other.
+    known = [node.fold(node.objects.position[~near[node.chain].any(axis=0)]) for node in nodes]
+    known += [node.face_fold(node.face.position) for node in nodes if node.chain]
+    places = cKDTree(np.concatenate(known))
+    return {node.chain: _come_from(places, node, others[node.chain], near[node.chain], view) for node in nodes}
+
+
+def _near_ends(node: MirrorTree, walls: Sequence[Array], view: ImageView) -> Mask:
+    """Which object echo's last leg passes close to an end of which wall, (walls, n); none by way of curved mirrors.
+
+    Each wall is given by its ends, (2, 2) [m].
+    """
+    near = np.zeros((len(walls), len(node.objects)), dtype=bool)
+    if len(node.objects) and not any_curved(node.way):
+        legs = last_leg(node.objects, node.way, view)
+        for row, wall in zip(near, walls, strict=True):
+            row[:] = _near_end(wall, *legs, node.objects.range, view)
+    return near
+
+
+def _come_from(places: cKDTree, node: MirrorTree, walls: Sequence[Array], near: Mask, view: ImageView) -> Mask:
+    """Which object echoes of a node come from one of these places by way of a wall that is `near`, (n,)."""
+    explained = np.zeros(len(node.objects), dtype=bool)
+    if near.any():
+        leaves, stands = last_leg(node.objects, node.way, view)
+        cell = view.cell(node.objects.range)
+        for wall, echo in np.argwhere(near):
+            place = _followed(leaves[echo], stands[echo], int(wall), walls, float(cell[echo]))
+            explained[echo] |= places.query(place)[0] <= EXPECTED_CELLS * cell[echo]
+    return explained
+
+
+def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: ImageView) -> Mask:
+    """Whether straight paths cross a wall, or its line just beyond it, closer to an end than a known wall hides, (n,).
+
+    Beyond the end, up to the width of the radar's beam at the crossing counts.
+    """
+    length = np.linalg.norm(stands - leaves, axis=1)
+    with np.errstate(invalid="ignore"):
+        share, along = crossing(leaves, stands, *wall)
+        behind = (1.0 - share) * length
+        cell, beam = view.cell(range_), view.width(range_ - behind)
+        inside = (0.5 - np.abs(along - 0.5)) * float(np.linalg.norm(wall[1] - wall[0]))
+        far = np.minimum(share * length, behind) > BEHIND_CELLS * cell
+        return far & (inside > -beam) & (inside < INSIDE_CELLS * cell)
+
+
+def _followed(leaves: Array, place: Array, first: int, walls: Sequence[Array], cell: float) -> Array:
+    """The true place (2,) [m] at the end of a path that is reflected at a first wall, and then at those that it meets.
+
+    Parameters
+    ----------
+    leaves, place : (2,) arrays [m]
+        Where the path begins, and where it would end if nothing reflected it.
+    first : int
+        Number of the wall that reflects it first.
+    walls : sequence of (2, 2) arrays [m]
+        The ends of each wall.
+    cell : float [m]
+        Resolution cell at the end of the path: walls closer than `BEHIND_CELLS` to an end of a leg are not met.
+    """
+    met: int | None = first
+    for _ in range(MOST_REFLECTIONS):
+        if met is None:
+            break
+        share, _along = crossing(leaves, place, *walls[met])
+        leaves = leaves + share * (place - leaves)
+        place = reflect(place, walls[met][0], segment_normal(*walls[met]))
+        length, shares = float(np.linalg.norm(place - leaves)), {}
+        for number, wall in enumerate(walls):
+            share, along = crossing(leaves, place, *wall)
+            if 0.0 <= along <= 1.0 and min(share, 1.0 - share) * length > BEHIND_CELLS * cell:
+                shares[number] = float(share)
+        met = min(shares, key=lambda number: shares[number]) if shares else None
+    return place
