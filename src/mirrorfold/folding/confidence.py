@@ -97,8 +97,8 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
     log_odds = np.where(np.isfinite(values[:, 4]), np.sum(np.nan_to_num(values) * with_share, axis=1), unmeasured)
     points = replace(points, error=error, confidence=expit(log_odds))
     multiply_by_mirrors(points, found.tree)
-    # A place that depends on whether an echo passed through a wall is no surer than the answer to that question.
-    points.confidence[:] = np.fmin(points.confidence, np.maximum(points.passed, 1.0 - points.passed))
+    # A place that depends on whether an echo passed through a wall is no surer than that it did, or that it did not.
+    points.confidence[:] = np.fmin(points.confidence, np.where(points.wall == "", 1.0 - points.passed, points.passed))
     if shares is not None and isinstance(view, ImageView):
         points = _with_shares_of_blurs(points, view, shares)
     return _with_ghosts(points, found)

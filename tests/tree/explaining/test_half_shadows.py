@@ -89,7 +89,7 @@ def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
 
 
 def test_what_another_mirror_shows_past_the_end_tells_of_it_as_well(screen):
-    """An object that a door shows to a part of the array, past the screen: not forgotten once it is seen in the door."""
+    """An object that a door shows to a part of the array, past the screen: known once it is seen in the door, too."""
     places, amplitude = diffuse(np.array([0.44, 0.91]), np.array([0.46, 0.89]), 1, spacing=1e-3)
     sweep = sweep_of(screen, (places, 3.0 * amplitude, ~meets(places)))
     view = see(mf.focus(sweep, **PIXELS))
