@@ -18,6 +18,7 @@ from mirrorfold.tree.half_transparent.panes import (
     BATCH,
     ECHO_DB,
     ECHOES_AS_ONE,
+    OBJECT_DB,
     SHARES,
     Pairs,
     walls_to_try,
@@ -35,12 +36,11 @@ def passage(pairs: Pairs) -> tuple[float, Array]:
     weight, largest = 0.0, -np.inf
     for first in range(0, permittivity.size, BATCH):
         some = slice(first, first + BATCH)
-        kinds = pairs.misfits(permittivity[some], thickness[some])
-        reflects, passes = (np.exp(pairs.log_likelihood(kind)) for kind in kinds)
+        reflects, passes = (np.exp(_likely(pairs, kind)) for kind in pairs.misfits(permittivity[some], thickness[some]))
         through, mixture = share * (passes + other), (1.0 - share) * reflects + share * passes + other
         height = np.log(mixture).sum(axis=-1) / ECHOES_AS_ONE
         heights.append(height.ravel())
-        alone.append(pairs.alone(kinds[0]) / ECHOES_AS_ONE)
+        alone.append(np.log(reflects + other).sum(axis=-1) / ECHOES_AS_ONE)
         # The mean over walls and shares, with weights relative to the largest so far.
         higher = max(largest, float(height.max()))
         each = np.exp(height - higher)
@@ -49,6 +49,17 @@ def passage(pairs: Pairs) -> tuple[float, Array]:
     metal = [pairs.with_metal(spread, ECHOES_AS_ONE) for spread in (0.0, ECHO_DB)]
     window, opaque = _log_mean(np.concatenate(heights)), _log_mean([_log_mean(np.concatenate(alone)), _log_mean(metal)])
     return float(expit(window - opaque)), np.asarray(passed / weight)
+
+
+def _likely(pairs: Pairs, misfit: Array) -> Array:
+    """`Pairs.log_likelihood` of misfits (w, n), if objects prefer a polarization as they do in a metal mirror.
+
+    A preference by the factor exp(q) adds ``(q / 2)^2`` to what is left at the best constant ratio of polarizations.
+    """
+    variance, spread = pairs.ratio_variance, np.hypot(OBJECT_DB, ECHO_DB) / 20.0 * np.log(10.0)
+    own = variance + spread**2
+    beyond = np.maximum(misfit - pairs.least_misfit, 0.0)
+    return np.asarray(pairs.log_likelihood(misfit - beyond) + 0.5 * np.log(variance / own) - 2.0 * beyond / own)
 
 
 def _log_mean(logarithms: Array | list[float]) -> float:

@@ -167,19 +167,30 @@ class Pairs:
         echoes count `as_one`.
         """
         te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
-        common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
-        # At its best ratio of amplitudes, the misfit of an echo is the smaller eigenvalue of their covariance.
-        least = 0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm))
-        ratio = 0.5 * np.log(tm / te)
-        # A ratio that is off by the factor exp(q) adds a misfit of (q / 2)^2. From this follows the standard error of
-        # the ratio's logarithm.
-        variance = 2.0 * (MISMATCH**2 + self.noise) / self.independent
+        ratio, variance = 0.5 * np.log(tm / te), self.ratio_variance
         own = variance + (spread_db / 20.0 * np.log(10.0)) ** 2
         sigmas = np.linspace(-3.0, 3.0, 61)
         preferred, prior = OBJECT_DB / 20.0 * np.log(10.0) * sigmas[:, None], -0.5 * sigmas**2
-        each = self.log_likelihood(least) + 0.5 * np.log(variance / own) - 0.5 * (ratio - preferred) ** 2 / own
+        each = self.log_likelihood(self.least_misfit) + 0.5 * np.log(variance / own)
+        each = each - 0.5 * (ratio - preferred) ** 2 / own
         every = np.logaddexp(each, self.other).sum(axis=-1) / as_one
         return float(logsumexp(prior + every) - logsumexp(prior))
+
+    @cached_property
+    def least_misfit(self) -> Array:
+        """Misfit of each echo at its best ratio of amplitudes, the same at all frequencies, (n,)."""
+        te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
+        common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
+        # The smaller eigenvalue of their covariance.
+        return np.asarray(0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm)))
+
+    @property
+    def ratio_variance(self) -> Array:
+        """Variance of the logarithm of the ratio of amplitudes of each echo, (n,).
+
+        A ratio that is off by the factor exp(q) adds a misfit of (q / 2)^2.
+        """
+        return np.asarray(2.0 * (MISMATCH**2 + self.noise) / self.independent)
 
     def log_odds(self, pane: Pane) -> tuple[Array, Mask]:
         """Logarithm of the odds that each echo passed through the wall, against reflection; and whether each is more
