@@ -144,7 +144,7 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     # Distances beyond `NEAR` are infinite: to look for them would take long, and they say nothing.
     shown, there = (known.query(initial, distance_upper_bound=NEAR)[0] for known in (cKDTree(walls.images), tree))
     known = walls.met & (np.minimum(shown, there) < NEAR)
-    known &= ~_shown_by_several(objects["chain"].values[own].astype(str), place, there, scene)
+    known &= ~_shown_by_several(objects["chain"].values[own].astype(str), place, scene)
     if not known.any():
         return None
     asked = objects["passed"].values[own] if "passed" in objects else np.full(len(initial), np.nan)
@@ -153,16 +153,15 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     return EchoesBehind(initial, asked, through, there < shown, walls.incidence, there, after).take(known)
 
 
-def _shown_by_several(chain: Names, place: Array, there: Array, scene: Scene | Scene3D) -> Mask:
+def _shown_by_several(chain: Names, place: Array, scene: Scene | Scene3D) -> Mask:
     """Which echoes of a floor plan two or more mirrors show, although the image shows them near an object, (n,).
 
-    By its chain, such an echo lands at a `place` (n, d) [m] nearer to a surface, which may be the wall itself, than it
-    is to the object in the image: `there` (n,) [m].
+    By its chain, such an echo lands at a `place` (n, d) [m] near a surface, which may be the wall itself.
     """
     several = np.char.count(chain, "/") > 0
     if isinstance(scene, Scene) and several.any():
         surfaces = np.concatenate([surface.sample(TRUTH_SPACING)[0] for surface in scene.surface])
-        several[several] = cKDTree(surfaces).query(place[several])[0] < there[several]
+        several[several] = cKDTree(surfaces).query(place[several])[0] < NEAR
         return np.asarray(several)
     return np.zeros_like(several)
 
