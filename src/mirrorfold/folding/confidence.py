@@ -116,8 +116,8 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
     values = features(points, view, mirror_error, over_faces(points, found.tree))
     table = table_numbers(points, values, view, by_sweep=shares is not None)
     points = replace(points, error=error, confidence=judged(points, found.tree, values, table))
-    # A place that depends on whether an echo passed through a wall is no surer than the answer to that question.
-    points.confidence[:] = np.fmin(points.confidence, np.maximum(points.passed, 1.0 - points.passed))
+    # A place that depends on whether an echo passed through a wall is no surer than that it did, or that it did not.
+    points.confidence[:] = np.fmin(points.confidence, np.where(points.wall == "", 1.0 - points.passed, points.passed))
     if shares is not None and isinstance(view, ImageView):
         points = _with_shares_of_blurs(points, view, shares)
     return _with_ghosts(points, found)

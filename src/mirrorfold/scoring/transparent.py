@@ -13,7 +13,7 @@ import xarray as xr
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import permittivity
 from mirrorfold.scenes.visibility import CHORD, facets
@@ -122,8 +122,8 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     """Echoes behind half-transparent walls, with the truth: reflected by the wall, or passed through it.
 
     An echo was reflected if the image shows it nearer to the mirror image of an object, and passed if it is nearer to
-    an object. None if there is no half-transparent wall, or no echo behind it near either, or if the points do not tell
-    where the image shows them.
+    an object. Echoes that several mirrors show are left out, see `_shown_by_several`. None if there is no
+    half-transparent wall, or no echo behind it near either, or if the points do not tell where the image shows them.
     """
     axes = "xy" if isinstance(scene, Scene) else "xyz"
     if not set(objects.variables) >= NEEDED | {f"{axis}_initial" for axis in axes}:
@@ -144,12 +144,27 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     # Distances beyond `NEAR` are infinite: to look for them would take long, and they say nothing.
     shown, there = (known.query(initial, distance_upper_bound=NEAR)[0] for known in (cKDTree(walls.images), tree))
     known = walls.met & (np.minimum(shown, there) < NEAR)
+    known &= ~_shown_by_several(objects["chain"].values[own].astype(str), place, there, scene)
     if not known.any():
         return None
     asked = objects["passed"].values[own] if "passed" in objects else np.full(len(initial), np.nan)
     through = objects["chain"].values[own] == ""
     after = tree.query(place)[0]
     return EchoesBehind(initial, asked, through, there < shown, walls.incidence, there, after).take(known)
+
+
+def _shown_by_several(chain: Names, place: Array, there: Array, scene: Scene | Scene3D) -> Mask:
+    """Which echoes of a floor plan two or more mirrors show, although the image shows them near an object, (n,).
+
+    By its chain, such an echo lands at a `place` (n, d) [m] nearer to a surface, which may be the wall itself, than it
+    is to the object in the image: `there` (n,) [m].
+    """
+    several = np.char.count(chain, "/") > 0
+    if isinstance(scene, Scene) and several.any():
+        surfaces = np.concatenate([surface.sample(TRUTH_SPACING)[0] for surface in scene.surface])
+        several[several] = cKDTree(surfaces).query(place[several])[0] < there[several]
+        return np.asarray(several)
+    return np.zeros_like(several)
 
 
 def doubted(passed: Array) -> Mask:

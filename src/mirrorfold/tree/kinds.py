@@ -21,7 +21,7 @@ from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.evidence import Steps
 from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.half_transparent.guessed import guess_transparent
-from mirrorfold.tree.half_transparent.transparent import find_transparent
+from mirrorfold.tree.half_transparent.transparent import find_transparent, with_doubts
 from mirrorfold.tree.measured import Measured
 from mirrorfold.tree.rounds import find_tree, ordered_again
 from mirrorfold.tree.short_rows import find_short
@@ -64,7 +64,7 @@ def find_every_kind(
     if both:
         found = find_transparent(found, view, both, echoes, walls=walls, full_pass=partial(full_pass, known=known))
     if known is not None or settings.published:
-        return found
+        return with_doubts(found, view, both) if both else found
     if not found.transparent_walls:
         steps = Steps(
             find_echoes=partial(find_echoes, view, threshold_db=settings.threshold_db),
@@ -82,4 +82,6 @@ def find_every_kind(
             found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))
     if passable and not polarizations:
         found = guess_transparent(found, view, echoes, full_pass=partial(full_pass, besides=rows))
-    return found if found.transparent_walls or not settings.opaque else without_explained(found, view, bent)
+    if settings.opaque and not found.transparent_walls:
+        found = without_explained(found, view, bent)
+    return with_doubts(found, view, both) if both else found

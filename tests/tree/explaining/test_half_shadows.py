@@ -10,10 +10,13 @@ from synthetic import diffuse
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import crossing
-from mirrorfold.detection.finding import find_echoes, see
+from mirrorfold.detection.finding import find_echoes, see, usual_settings
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.earlier import known_overhangs
-from mirrorfold.tree.explaining.half_shadows import Overhangs, _in_half_shadow, _overhang
+from mirrorfold.folding.settings import FoldSettings
+from mirrorfold.tree.explaining.half_shadows import Overhangs, _in_half_shadow, _overhang, half_shadows
 from mirrorfold.tree.explaining.waves import SweepWaves
+from mirrorfold.tree.ordering import order_mirrors
 
 pytestmark = pytest.mark.slow
 
@@ -83,6 +86,24 @@ def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
     monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Overhangs.nothing())
     # By the middle of the array alone.
     assert any("/" in chain for chain in chains(mf.fold(image, sweep=sweep)))
+
+
+def test_what_another_mirror_shows_past_the_end_tells_of_it_as_well(screen):
+    """An object that a door shows to a part of the array, past the screen: known once it is seen in the door, too."""
+    places, amplitude = diffuse(np.array([0.44, 0.91]), np.array([0.46, 0.89]), 1, spacing=1e-3)
+    sweep = sweep_of(screen, (places, 3.0 * amplitude, ~meets(places)))
+    view = see(mf.focus(sweep, **PIXELS))
+    echoes, waves, known, overhangs = find_echoes(view), SweepWaves(sweep), {}, Overhangs.nothing()
+    settings = FoldSettings().completed(**usual_settings(view, echoes))
+    door = LineMirror(np.array([-0.10, 0.88]), np.array([0.50, 0.60]))
+    for ordered in range(3):
+        order = order_mirrors(overhangs.on([LineMirror(*SCREEN), door], view), view, echoes, settings)
+        seen = order.seen(echoes)
+        brightest = np.argmax(np.where(echoes.range > 0.95, echoes.amplitude, 0.0))
+        way = order.mirrors_to(int(order.shown_by(seen)[brightest]))
+        assert (way[0].center[1] > 0.5) == (ordered > 0)  # first by way of the screen, then by way of the door alone
+        overhangs = half_shadows(order, seen, waves, known)
+        assert (overhangs.length < -0.005).tolist() == [True]
 
 
 def test_two_mirrors_that_share_an_end_are_told_apart(behind):

@@ -90,11 +90,10 @@ class Pairs:
     independent: float
     cell: float
 
-    def some(self, most: int) -> Pairs:
-        """At most so many of the echoes, evenly chosen by the angle of incidence."""
-        if self.angle.size <= most:
-            return self
-        return self.take(np.sort(np.argsort(self.angle)[np.linspace(0, self.angle.size - 1, most).astype(np.intp)]))
+    def evenly(self, most: int) -> Index:
+        """The numbers of at most so many of the echoes, evenly chosen by the angle of incidence, in ascending order."""
+        count = self.angle.size
+        return np.sort(np.argsort(self.angle)[np.linspace(0, count - 1, min(count, most)).astype(np.intp)])
 
     def take(self, which: Index) -> Pairs:
         """Some of the echoes."""
@@ -137,23 +136,36 @@ class Pairs:
         """Logarithm of the likelihood of one kind, from its misfit (w, n), and of others, summed over echoes, (w,)."""
         return np.logaddexp(self.log_likelihood(misfit), self.other).sum(-1)
 
-    def with_metal(self, spread_db: float) -> float:
+    def with_metal(self, spread_db: float, as_one: float = 1.0) -> float:
         """Logarithm of the likelihood of a metal mirror, whose objects may return one polarization stronger than the
-        other: all of them by one ratio (`OBJECT_DB`), and each echo by another one of its own (`spread_db`).
+        other: all of them by one ratio (`OBJECT_DB`), and each echo by another one of its own (`spread_db`). So many
+        echoes count `as_one`.
         """
         te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
-        common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
-        # At its best ratio of amplitudes, the misfit of an echo is the smaller eigenvalue of their covariance.
-        least = 0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm))
-        ratio = 0.5 * np.log(tm / te)
-        # A ratio that is off by the factor exp(q) adds a misfit of (q / 2)^2. From this follows the standard error of
-        # the ratio's logarithm.
-        variance = 2.0 * (MISMATCH**2 + self.noise) / self.independent
+        ratio, variance = 0.5 * np.log(tm / te), self.ratio_variance
         own = variance + (spread_db / 20.0 * np.log(10.0)) ** 2
         sigmas = np.linspace(-3.0, 3.0, 61)
         preferred, prior = OBJECT_DB / 20.0 * np.log(10.0) * sigmas[:, None], -0.5 * sigmas**2
-        each = self.log_likelihood(least) + 0.5 * np.log(variance / own) - 0.5 * (ratio - preferred) ** 2 / own
-        return float(logsumexp(prior + np.logaddexp(each, self.other).sum(axis=-1)) - logsumexp(prior))
+        each = self.log_likelihood(self.least_misfit) + 0.5 * np.log(variance / own)
+        each = each - 0.5 * (ratio - preferred) ** 2 / own
+        every = np.logaddexp(each, self.other).sum(axis=-1) / as_one
+        return float(logsumexp(prior + every) - logsumexp(prior))
+
+    @cached_property
+    def least_misfit(self) -> Array:
+        """Misfit of each echo at its best ratio of amplitudes, the same at all frequencies, (n,)."""
+        te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
+        common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
+        # The smaller eigenvalue of their covariance.
+        return np.asarray(0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm)))
+
+    @property
+    def ratio_variance(self) -> Array:
+        """Variance of the logarithm of the ratio of amplitudes of each echo, (n,).
+
+        A ratio that is off by the factor exp(q) adds a misfit of (q / 2)^2.
+        """
+        return np.asarray(2.0 * (MISMATCH**2 + self.noise) / self.independent)
 
     def log_odds(self, pane: Pane) -> tuple[Array, Mask]:
         """Logarithm of the odds that each echo passed through the wall, against reflection; and whether each is more
@@ -224,7 +236,7 @@ class Pane:
 
 def find_pane(pairs: Pairs) -> Pane:
     """The wall that explains all echoes best, and the evidence that it does not only reflect."""
-    trials, thickness = _trials(pairs)
+    trials, thickness = walls_to_try(pairs)
     both, mirror = [], []
     for first in range(0, trials.size, BATCH):
         some = slice(first, first + BATCH)
@@ -254,7 +266,7 @@ def find_pane(pairs: Pairs) -> Pane:
     )
 
 
-def _trials(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
+def walls_to_try(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
     """Permittivities and thicknesses [m] of walls to try, (w,) each."""
     real = np.geomspace(*PERMITTIVITY, 18)[:, None, None]
     optical = np.arange(THINNEST * pairs.cell, THICKEST * pairs.cell, STEP / (2.0 * float(pairs.wavenumber.mean())))

@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
-from scipy.special import expit
+from scipy.spatial import cKDTree
+from scipy.special import expit, logit
 
 from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.slabs import slab
@@ -24,6 +25,7 @@ from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.echoes import noise_limit
 from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
 from mirrorfold.tree.assignment import Found, Pass
+from mirrorfold.tree.half_transparent.doubts import passage
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
 from mirrorfold.tree.half_transparent.wall_glints import Glints
 from mirrorfold.tree.half_transparent.wall_posterior import measured_pane
@@ -104,7 +106,7 @@ def find_transparent(
     full_pass: Pass,
     walls: Mask | None = None,
 ) -> Found:
-    """Steps 2 to 4 once more without the echoes that passed through walls; unchanged if no wall is transparent.
+    """Steps 2 to 4 once more without the echoes that passed through walls; unchanged if none did.
 
     Parameters
     ----------
@@ -120,14 +122,41 @@ def find_transparent(
     walls : (n,) bool array, optional
         With given mirrors: which of `every` are of walls.
     """
-    transparent_walls = []
-    for index, chain in enumerate(found.sight.chain):
-        if len(chain) != 1 or (mirror := found.tree.mirrors[chain[0]].mirror) is None or mirror.curved:
-            continue
-        wall = look_through(found, view, images, index, mirror)
+    tested = (look_through(found, view, images, *each) for each in _flat_walls(found))
+    passed_by = [wall for wall in tested if wall is not None and (wall.pane is not None or len(wall.echoes))]
+    return taken_out(found, passed_by, view, every, full_pass, walls)
+
+
+def with_doubts(found: Found, view: View, images: Mapping[str, xr.DataArray]) -> Found:
+    """The result with how likely it is that each echo behind a flat wall in line of sight passed through it.
+
+    Echoes that only the last pass has found are among them. Those that were taken out, because they more likely passed,
+    count as before.
+    """
+    walls = {id(wall.mirror): wall for wall in found.transparent_walls}
+    for index, mirror in _flat_walls(found):
+        wall, echoes = walls.get(id(mirror)), echoes_behind(found, view, index)
         if wall is not None:
-            transparent_walls.append(wall)
-    return taken_out(found, transparent_walls, view, every, full_pass, walls)
+            echoes = echoes.joined(wall.echoes)
+        if not len(echoes):
+            continue
+        if wall is not None and wall.pane is not None:
+            passed = sorted_by(wall.pane, echoes, view, images, mirror)[0]
+        else:
+            doubt, none = doubted(echoes, view, images, mirror), np.zeros(0, dtype=np.intp)
+            passed = doubt.passed
+            if wall is None:  # nothing is taken out any more
+                wall = replace(doubt, echoes=echoes.take(none), place=doubt.place[none], probability=np.zeros(0))
+        walls[id(mirror)] = replace(wall, tested=echoes.position, passed=passed)
+    return found._replace(transparent_walls=tuple(walls.values()))
+
+
+def _flat_walls(found: Found) -> list[tuple[int, Mirror]]:
+    """The flat mirrors in line of sight, and their numbers."""
+    mirrors = [
+        (index, found.tree.mirrors[chain[0]].mirror) for index, chain in enumerate(found.sight.chain) if len(chain) == 1
+    ]
+    return [(index, mirror) for index, mirror in mirrors if mirror is not None and not mirror.curved]
 
 
 def taken_out(
@@ -151,56 +180,78 @@ def taken_out(
 def look_through(
     found: Found, view: View, images: Mapping[str, xr.DataArray], index: int, mirror: Mirror
 ) -> TransparentWall | None:
-    """Sort the echoes behind a mirror; None if nothing indicates that the mirror is transparent.
+    """Sort the echoes behind a mirror; None if there are too few.
 
-    If a metal mirror would explain the echoes as well, they may be reflected or passed: all of them are then taken for
-    reflected, with the probability `UNDECIDED`.
+    If the wall is not known to be half transparent, its echoes are sorted by the probability of `doubted`.
     """
+    echoes = echoes_behind(found, view, index)
+    brightest = view.brightest(echoes.position, echoes.amplitude)
+    if brightest.size < FEWEST:
+        return None
+    pairs = pairs_of(view, images, echoes.take(brightest), mirror)
+    pane = find_pane(pairs.take(pairs.evenly(MOST_PAIRS)))
+    if pane.against_alike < EVIDENCE or pane.against_metal < AGAINST_METAL:
+        return doubted(echoes, view, images, mirror)
+    if view.dimensions == 2:  # in a scan, what a beam meets has a depth of its own, and is no glint
+        pane = measured_pane(glints_of(view, images, echoes.take(brightest), pairs), pane)
+    if pane.evidence < EVIDENCE:
+        return doubted(echoes, view, images, mirror)
+    passed, neither = sorted_by(pane, echoes, view, images, mirror)
+    through = passed > UNDECIDED
+    # Echoes like neither kind, behind objects that passed, are multiple scattering between object and wall.
+    clear = Cover.of(echoes.take(through), view).clear(echoes.range, echoes.direction, echoes.amplitude)
+    behind_it = neither & ~through & ~clear
+    passed[behind_it], through = UNDECIDED, through | behind_it
+    seen = echoes.take(through)
+    place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
+    return TransparentWall(mirror, pane, seen, place, passed[through], echoes.position, passed, BY_POLARIZATION)
+
+
+def sorted_by(
+    pane: Pane, echoes: Echoes, view: View, images: Mapping[str, xr.DataArray], mirror: Mirror
+) -> tuple[Array, Mask]:
+    """Probability that echoes behind a known wall passed through it; and which are likelier neither, (n,) each."""
+    brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
+    pairs = pairs_of(view, images, echoes.take(brightest), mirror)
+    odds, neither = pairs.log_odds(pane)
+    if view.dimensions == 2:
+        odds = glints_of(view, images, echoes.take(brightest), pairs).log_odds(pane)
+    return expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell], neither[cell]
+
+
+def doubted(echoes: Echoes, view: View, images: Mapping[str, xr.DataArray], mirror: Mirror) -> TransparentWall:
+    """A mirror with how likely it is that each of some echoes behind it passed through.
+
+    Nothing is known of a wall that may be half transparent: the echoes that more likely passed stay where they are.
+    """
+    brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
+    pairs, place = pairs_of(view, images, echoes.take(brightest), mirror), view.in_cells(echoes.position[brightest])
+    some = pairs.evenly(MOST_PAIRS)
+    window, each = passage(pairs.take(some))
+    nearest = cKDTree(place[some]).query(place)[1]
+    passed = (window * expit(agreed_odds(place, logit(each)[nearest], mean=True)))[cell]
+    through = echoes.take(passed > UNDECIDED)
+    own = passed[passed > UNDECIDED]
+    return TransparentWall(mirror, None, through, through.position, own, echoes.position, passed, BY_POLARIZATION)
+
+
+def echoes_behind(found: Found, view: View, index: int) -> Echoes:
+    """The strong echoes behind a mirror whose lines of sight meet no other mirror before."""
     echoes = found.echoes
     crossing = found.sight.crossing[index][echoes.direction]
     behind = echoes.strong & (echoes.range > crossing + view.object_depth(echoes.range))
     others = np.delete(found.sight.crossing, index, axis=0)[:, echoes.direction]
-    behind &= ~(others < crossing).any(axis=0)
-    echoes = echoes.take(behind)
-    brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
-    if brightest.size < FEWEST:
-        return None
-    pairs = pairs_of(view, images, echoes.take(brightest), mirror)
-    pane = find_pane(pairs.some(MOST_PAIRS))
-    known = pane.against_metal >= AGAINST_METAL
-    if pane.against_alike < EVIDENCE or not (known or pane.evidence >= EVIDENCE):
-        return None
-    glints = None
-    if known and view.dimensions == 2:  # in a scan, what a beam meets has a depth of its own, and is no glint
-        glints = glints_of(view, images, echoes.take(brightest), pairs)
-        pane = measured_pane(glints, pane)
-    if pane.evidence < EVIDENCE:
-        return None
-    passed = np.full(len(echoes), UNDECIDED)
-    through = np.zeros(len(echoes), dtype=bool)
-    if known:
-        odds, neither = pairs.log_odds(pane)
-        if glints is not None:
-            odds = glints.log_odds(pane)
-        passed = expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell]
-        through = passed > UNDECIDED
-        # Echoes like neither kind, behind objects that passed, are multiple scattering between object and wall.
-        clear = Cover.of(echoes.take(through), view).clear(echoes.range, echoes.direction, echoes.amplitude)
-        behind_it = neither[cell] & ~through & ~clear
-        passed[behind_it], through = UNDECIDED, through | behind_it
-    seen = echoes.take(through)
-    place = placed(view, seen.position, mirror, pane, pairs.wavenumber)
-    material, tested = pane if known else None, (echoes.position, passed)
-    return TransparentWall(mirror, material, seen, place, passed[through], *tested, BY_POLARIZATION)
+    return echoes.take(behind & ~(others < crossing).any(axis=0))
 
 
-def agreed_odds(place: Array, odds: Array) -> Array:
+def agreed_odds(place: Array, odds: Array, *, mean: bool = False) -> Array:
     """Logarithms of the `odds` of echoes, (n,), summed over each echo and its neighbours; `place` (n, d) is in cells.
 
-    Echoes close together are mostly of one object, which passed or was reflected as a whole.
+    Echoes close together are mostly of one object, which passed or was reflected as a whole. The `mean` counts
+    neighbours, which share much of their spectra, as one echo.
     """
     near = np.abs(place[:, None] - place).max(axis=-1) <= NEIGHBOURS
-    return near @ odds
+    return near @ odds / (near.sum(axis=1) if mean else 1.0)
 
 
 def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mirror: Mirror) -> Pairs:
