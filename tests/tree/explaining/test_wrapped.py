@@ -15,7 +15,7 @@ from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.tree.explaining import waves, wrapped
-from mirrorfold.tree.explaining.misplaced import LARGEST_WRAPPING_RATIO, LATE
+from mirrorfold.tree.explaining.misplaced import LATE
 from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import MOST_PERIODS, wrapping_ratio
 
@@ -85,17 +85,6 @@ def test_faint_echoes_beside_a_bright_one_at_their_range_are_told_by_more_pairs(
     assert faint > 1.8
     monkeypatch.setattr(waves, "PAIRS", (1000, 1000))
     assert wrapping_ratio(SweepWaves(sweep), view, *echoes)[1] == 1.0
-
-
-def test_an_echo_that_a_part_of_the_array_receives_is_not_late_by_chance():
-    """Past the end of a screen. Its waves fit both distances alike, but for what those of a brighter echo add."""
-    tx = rx = array()
-    view, k = view_of(tx, rx), 2.0 * np.pi * BAND[:, None, None] / speed_of_light
-    received = np.outer(tx[:, 0] > -0.007, rx[:, 0] > -0.007)
-    for level in (0.3, 0.5):
-        s = np.exp(-1j * k * point(1.5, -0.4, tx, rx)) + level * received * np.exp(-1j * k * point(1.5, 0.3, tx, rx))
-        sweep = mf.make_sweep(s.astype(np.complex64), frequency=BAND, tx_position=tx, rx_position=rx)
-        assert wrapping_ratio(SweepWaves(sweep), view, np.array([1.5]), np.array([0.3]))[0] <= LARGEST_WRAPPING_RATIO
 
 
 def test_waves_that_are_flat_either_way_prove_nothing():

@@ -20,11 +20,6 @@ IN_PHASE = 15.0
 """Least coherence, over that of random phases, of an echo whose distance can be judged: the largest of some hundred
 random coherences stays below."""
 
-CLEARLY = 1.0
-"""Least difference between the roots of two coherences, over that of random phases, at which waves from farther away
-fit better. Other waves at the same range change each root by 0.7 (standard deviation), and the difference by less,
-since they change both roots alike. Of an echo that a part of the array receives, both fit about as well."""
-
 DIRECTION_STEP = 0.5
 """Step between the directions that are tried, in resolution cells of the array."""
 
@@ -55,7 +50,7 @@ def wrapping_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array) 
 def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
     """`wrapping_ratio` by the waves of some pairs, (n,); NaN where these cannot separate an echo from others.
 
-    A coherence of `in_phase` or less may be one of random phases, whose coherence is ``in_phase / IN_PHASE``.
+    A coherence of `in_phase` or less may be one of random phases.
     """
     ratio = np.ones(range_.size)
 
@@ -70,9 +65,7 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
         directions = np.clip(u[n] + np.linspace(-spread, spread, count + 1), -LARGEST_SINE, LARGEST_SINE)
         late = max(waves.fit(around, distance, directions).max() for distance in distances)
         if late > in_phase:
-            own = max(waves.fit(around, r, directions).max(), np.finfo(float).tiny)
-            clear = np.sqrt(late) - np.sqrt(own) > CLEARLY * np.sqrt(in_phase / IN_PHASE)
-            ratio[n] = late / own if clear or late <= own else np.nan
+            ratio[n] = late / max(waves.fit(around, r, directions).max(), np.finfo(float).tiny)
         elif waves.fit(around, r, u[n : n + 1]).max() <= in_phase:
             ratio[n] = np.nan
 
