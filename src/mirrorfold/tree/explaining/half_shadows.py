@@ -36,10 +36,9 @@ DIRECTIONS = 8.0
 """What was measured at an end of a mirror is kept for mirrors whose direction rounds to the same multiples of one over
 this number. Another mirror that ends there, in another direction, divides the antennas otherwise."""
 
-LEAST_ZONES = 2.0
+LEAST_ZONES = 3.0
 """Least spread of the antennas in Fresnel zones, where the paths to an echo pass the end of the mirror: an edge bends
-waves over one zone, which blurs a half-shadow of few zones. By Fresnel's integrals, the two groups of antennas still
-differ by 15 dB or more over two zones, there and back, but by 11 dB over one."""
+waves over one zone, which blurs a half-shadow of few zones."""
 
 Known = dict[tuple[float, ...], float]
 
