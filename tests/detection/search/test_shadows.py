@@ -145,3 +145,18 @@ def test_side_lobes_of_a_glint_do_not_continue_a_wall():
     view = radar_view(*together(*parts), noise=1e-3)
     part = replace(LineMirror(*np.array(ends[:2])), strength=1.0)
     assert not goes_on(part.part(part.length + 0.02, part.length + 0.18), view)
+
+
+def test_a_row_between_two_others_is_one_wall_with_both():
+    shares = [(0.0, 0.2), (0.38, 0.68), (0.86, 1.0)]
+    parts = [diffuse(at(first), at(last), seed=seed) for seed, (first, last) in enumerate(shares)]
+    view = see(radar_image(*together(*parts), np.linspace(-0.9, 0.9, 181), np.linspace(0.8, 1.8, 101)))
+    gaps = [hidden(view, first, last) for first, last in ((0.2, 0.38), (0.68, 0.86))]
+    rows = [LineMirror(at(first), at(last)) for first, last in shares]
+    shortest = 1.1 * rows[1].length
+
+    def clear(*echoes):
+        return gaps[0](*echoes) & gaps[1](*echoes)
+
+    (wall,) = joined(rows, view, find_echoes(view), clear, shortest)
+    assert wall.length == pytest.approx(np.linalg.norm(END - START), abs=0.1)

@@ -96,9 +96,14 @@ def joined(
         gap = GAP_CELLS * view.extent(row.ends, row.direction).max()  # nearer echoes belong to the row itself
         before = (along >= 0.0) & (along < first - gap)
         after = (along > first + row.length + gap) & (along <= longer.length)
-        for beyond in (points[on_line & before], points[on_line & after]):
-            if len(beyond) and row.length + float(np.ptp(longer.along(beyond))) >= shortest:
-                found.append(_through(row, beyond, longer, view))
+        sides = [
+            beyond
+            for beyond in (points[on_line & before], points[on_line & after])
+            if len(beyond) and row.length + float(np.ptp(longer.along(beyond))) >= shortest
+        ]
+        if sides:  # a row between two others gives one mirror, whose direction the farther of them tells best
+            farther = max(sides, key=lambda beyond: float(np.linalg.norm(beyond.mean(axis=0) - row.center)))
+            found.append(_through(row, farther, longer, view))
     return found
 
 
