@@ -197,4 +197,4 @@ def test_a_line_that_leaves_the_row_it_is_fitted_to_is_no_mirror(monkeypatch, tu
 
     monkeypatch.setattr("mirrorfold.detection.search.lines._fit", askew)
     monkeypatch.setattr(_Lines, "_unbroken", lambda search, mirror, own: mirror)
-    assert len(find_mirrors(view, echoes)) == mirrors
+    assert len(find_mirrors(replace(view), echoes)) == mirrors
