@@ -85,3 +85,13 @@ def test_a_table_of_antennas_is_no_table_of_files(tmp_path, pairs):
     (tmp_path / "scan.toml").write_text('table = "antennas.csv"')
     with pytest.raises(InputError, match=r"antennas.csv: is a table of antennas; give it by itself"):
         mf.import_data(pairs[0], positions=tmp_path / "scan.toml")
+
+
+def test_a_table_of_files_may_name_ports_and_channels(tmp_path):
+    lines = ["# Hz S RI R 50", "290e9 1 1", "291e9 5 1"]
+    (tmp_path / "a.s1p").write_text("\n".join(lines))
+    (tmp_path / "b.s1p").write_text("\n".join(lines))
+    path = tmp_path / "positions.csv"
+    path.write_text("file,port,channel,x_mm\na.s1p,1,1,-1\nb.s1p,1,2,1\n")
+    sweep = mf.import_data([tmp_path / "a.s1p", tmp_path / "b.s1p"], positions=path)
+    np.testing.assert_allclose(sweep["antenna_position"][:, 0], [-0.001, 0.001], atol=1e-12)

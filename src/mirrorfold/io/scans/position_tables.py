@@ -111,7 +111,8 @@ def read_table(path: Path) -> tuple[str, list[FilePosition]]:
 def _kind(where: str, names: Sequence[str]) -> str:
     """What the lines of a table with these columns stand for, "file" or "antenna"; "" are columns not needed."""
     expected = "expected file, tx_x, tx_y ... once each, or, for one file with all pairs, antenna, x, y ..."
-    twice = sorted(name for name, count in Counter(names).items() if count > 1 and name)
+    unused = {"", "antenna"} if "file" in names else {""}
+    twice = sorted(name for name, count in Counter(names).items() if count > 1 and name not in unused)
     if twice:
         raise InputError(f"{where}, names {', '.join(twice)} twice; {expected}")
     if "file" in names:
