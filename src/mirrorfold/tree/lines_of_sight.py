@@ -218,8 +218,10 @@ class LinesOfSight:
         and one past the edge alike, and speckle decides which of its neighbours are brighter. In images, whose echoes
         are the brightest of their surroundings, no echo is undecided.
         """
-        axis = self.view.points(echoes.range, echoes.direction)
-        row, beside = self.view.within(axis, self.view.strays(echoes.range))
+        strays = self.view.strays(echoes.range)
+        if not strays.any():
+            return np.zeros(len(echoes), dtype=bool)
+        row, beside = self.view.within(self.view.points(echoes.range, echoes.direction), strays)
         own = self.seen_through(echoes.range, echoes.direction)
         others = self.seen_through(echoes.range[row], beside) != own[row]
         return np.bincount(row, weights=others, minlength=len(echoes)) > 0.0

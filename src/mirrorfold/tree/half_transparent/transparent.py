@@ -141,7 +141,9 @@ def with_doubts(found: Found, view: View, images: Mapping[str, xr.DataArray]) ->
         if not len(echoes):
             continue
         if wall is not None and wall.pane is not None:
-            passed = sorted_by(wall.pane, echoes, view, images, mirror)[0]
+            bright = echoes.take(view.brightest(echoes.position, echoes.amplitude))
+            pairs = pairs_of(view, images, bright, mirror)
+            passed = sorted_by(wall.pane, echoes, view, pairs, glints_of(view, images, bright, pairs))[0]
         else:
             doubt, none = doubted(echoes, view, images, mirror), np.zeros(0, dtype=np.intp)
             passed = doubt.passed
@@ -192,11 +194,12 @@ def look_through(
     pane = find_pane(pairs.take(pairs.evenly(MOST_PAIRS)))
     if pane.against_alike < EVIDENCE or pane.against_metal < AGAINST_METAL:
         return doubted(echoes, view, images, mirror)
-    if view.dimensions == 2:  # in a scan, what a beam meets has a depth of its own, and is no glint
-        pane = measured_pane(glints_of(view, images, echoes.take(brightest), pairs), pane)
+    glints = glints_of(view, images, echoes.take(brightest), pairs)
+    if glints is not None:
+        pane = measured_pane(glints, pane)
     if pane.evidence < EVIDENCE:
         return doubted(echoes, view, images, mirror)
-    passed, neither = sorted_by(pane, echoes, view, images, mirror)
+    passed, neither = sorted_by(pane, echoes, view, pairs, glints)
     through = passed > UNDECIDED
     # Echoes like neither kind, behind objects that passed, are multiple scattering between object and wall.
     clear = Cover.of(echoes.take(through), view).clear(echoes.range, echoes.direction, echoes.amplitude)
@@ -207,15 +210,15 @@ def look_through(
     return TransparentWall(mirror, pane, seen, place, passed[through], echoes.position, passed, BY_POLARIZATION)
 
 
-def sorted_by(
-    pane: Pane, echoes: Echoes, view: View, images: Mapping[str, xr.DataArray], mirror: Mirror
-) -> tuple[Array, Mask]:
-    """Probability that echoes behind a known wall passed through it; and which are likelier neither, (n,) each."""
+def sorted_by(pane: Pane, echoes: Echoes, view: View, pairs: Pairs, glints: Glints | None) -> tuple[Array, Mask]:
+    """Probability that echoes behind a known wall passed through it; and which are likelier neither, (n,) each.
+
+    `pairs` and `glints` are of the brightest of the echoes.
+    """
     brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
-    pairs = pairs_of(view, images, echoes.take(brightest), mirror)
     odds, neither = pairs.log_odds(pane)
-    if view.dimensions == 2:
-        odds = glints_of(view, images, echoes.take(brightest), pairs).log_odds(pane)
+    if glints is not None:
+        odds = glints.log_odds(pane)
     return expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell], neither[cell]
 
 
@@ -269,8 +272,13 @@ def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mir
     )
 
 
-def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pairs: Pairs) -> Glints:
-    """The same echoes with the spectra of whole echoes, for the test for glints."""
+def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pairs: Pairs) -> Glints | None:
+    """The same echoes with the spectra of whole echoes, for the test for glints.
+
+    None in a scan: what a beam meets has a depth of its own there, and is no glint.
+    """
+    if view.dimensions != 2:
+        return None
     te, tm = (spectra(view, images[name], echoes.position, whole=True) for name in ("TE", "TM"))
     return Glints(pairs, te, tm, tapers(images["TE"]), view.in_cells(echoes.position))
 
