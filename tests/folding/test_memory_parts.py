@@ -8,7 +8,7 @@ import xarray as xr
 
 from mirrorfold.common.forecasts import total
 from mirrorfold.detection.search.fit import PROFILE_SAMPLES
-from mirrorfold.detection.views.image_to_view import samples_of
+from mirrorfold.detection.views.image_to_view import outline_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.folding.memory import DRAWING_ARRAYS, RIDGE_ARRAYS, fold_parts
 from mirrorfold.tree.explaining import directions
@@ -30,7 +30,7 @@ KNOWN = {"frequency_start": 290e9, "frequency_stop": 300e9, "frequency_points": 
 def test_an_image_is_held_with_its_view_and_the_pictures():
     """With fine cells the view weighs most, with coarse ones the pictures do."""
     fine = image(**KNOWN)
-    samples = float(np.prod(samples_of(fine)))
+    samples = float(outline_of(fine).range.size * outline_of(fine).u.size)
     parts = fold_parts(fine)
     assert parts == {
         "image": 8.0 * PIXELS, "view": 8.0 * samples, "power and table": DRAWING_ARRAYS * 8.0 * samples,
@@ -38,7 +38,7 @@ def test_an_image_is_held_with_its_view_and_the_pictures():
     }  # fmt: skip
     assert DRAWING_ARRAYS > RIDGE_ARRAYS
     coarse = image(**(KNOWN | {"frequency_stop": 291e9, "tx_aperture": 0.008, "rx_aperture": 0.008}))
-    samples = float(np.prod(samples_of(coarse)))
+    samples = float(outline_of(coarse).range.size * outline_of(coarse).u.size)
     assert fold_parts(coarse) == {
         "image": 8.0 * PIXELS, "view": 8.0 * samples, "power and table": DRAWING_ARRAYS * 8.0 * samples,
         "owners": 2.0 * samples, "pictures": 16.0 * PIXELS,

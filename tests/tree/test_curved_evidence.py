@@ -12,8 +12,8 @@ from synthetic import RANGE_CELL, diffuse, echoes_at, empty_view, radar_view, to
 
 from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.finding import find_echoes, usual_settings
-from mirrorfold.detection.mirrors.arc_mirror import ArcMirror, gains
-from mirrorfold.detection.mirrors.curved import dimming, overlap
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
+from mirrorfold.detection.mirrors.curved import dimming, gains, overlap
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import fold_of
 from mirrorfold.detection.views.image_view import OPAQUE_CELLS
@@ -28,7 +28,6 @@ from mirrorfold.tree.evidence import (
     agreeing,
     behind,
     evidence_of,
-    filled_cells,
     known_places,
     with_rows,
 )
@@ -75,9 +74,9 @@ def test_behind_an_arc_is_what_is_strong_and_deeper_than_an_object(view):
     places = [[0.0, 1.0 + 0.99 * depth], [0.0, 1.0 + 1.01 * depth], [0.0, 2.0], [0.6, 2.0], [0.0, 0.7]]
     echoes = echoes_at(view, places, np.array([1.0, 1.0, 0.01, 1.0, 1.0]))
     assert_array_equal(behind(view, echoes, PILLAR), [False, True, False, False, False])
-    assert filled_cells(view, echoes) == 4
-    assert filled_cells(view, echoes_at(view, [[0.0, 1.5], [0.0, 1.501], [0.0, 1.56]])) == 2
-    assert filled_cells(view, echoes.take(np.zeros(5, dtype=bool))) == 0
+    assert view.filled_cells(echoes.position) == 4
+    assert view.filled_cells(np.array([[0.0, 1.5], [0.0, 1.501], [0.0, 1.56]])) == 2
+    assert view.filled_cells(np.zeros((0, 2))) == 0
 
 
 def test_an_arc_dims_what_is_behind_it_and_nothing_else(view):

@@ -18,8 +18,7 @@ from mirrorfold.common.threads import one_thread
 from mirrorfold.common.types import UNSEEN, Array, Index
 from mirrorfold.detection import image_echoes, volume_echoes
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.arc_mirror import gains
-from mirrorfold.detection.mirrors.curved import dimmed
+from mirrorfold.detection.mirrors.curved import dimmed, gains
 from mirrorfold.detection.mirrors.known_mirrors import is_round, known_mirrors
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import WALL_CELLS, WALL_WAVELENGTHS, Mirror
@@ -131,7 +130,7 @@ def find_mirrors(
     if known is not None:
         return known_mirrors(known, echoes, view)
     length = usual_settings(view, echoes)["minimum_length"] if minimum_length is None else minimum_length
-    if (key := _question(view, echoes, length, tested)) not in view.searches:
+    if (key := _digest(view, echoes, length, tested)) not in view.searches:
         if len(view.searches) >= MOST_SEARCHES:
             view.searches.clear()
         find: Callable[..., Sequence[Mirror]] = lines.find_lines if view.dimensions == 2 else planes.find_planes
@@ -140,14 +139,14 @@ def find_mirrors(
     return list(view.searches[key])
 
 
-def _question(view: View, echoes: Echoes, *options: Any) -> bytes:
-    """A digest of all that the mirrors of a view depend on, but for its samples."""
-    asked = sha256(repr(options).encode())
+def _digest(view: View, echoes: Echoes, *options: Any) -> bytes:
+    """A digest of all that the result of a search for mirrors in a view depends on, but for the samples of the view."""
+    digest = sha256(repr(options).encode())
     if isinstance(view, ImageView):
-        asked.update(view.misplaced.tobytes())
+        digest.update(view.misplaced.tobytes())
     for field in fields(echoes):
-        asked.update(np.asarray(getattr(echoes, field.name)).tobytes())
-    return asked.digest()
+        digest.update(np.asarray(getattr(echoes, field.name)).tobytes())
+    return digest.digest()
 
 
 def depression(view: View, echoes: Echoes) -> float:

@@ -8,7 +8,7 @@ import xarray as xr
 from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.common.forecasts import Parts, fullest
 from mirrorfold.detection.search.fit import PROFILE_SAMPLES
-from mirrorfold.detection.views.image_to_view import samples_of
+from mirrorfold.detection.views.image_to_view import outline_of
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.tree.explaining.directions import bytes_at_once
 from mirrorfold.tree.explaining.waves import profile_bytes
@@ -61,7 +61,8 @@ def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
 
 def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Parts:
     """The arrays at the fullest stage of folding an image (y, x)."""
-    samples, pixels = float(np.prod(samples_of(image))), float(image.size)
+    outline, pixels = outline_of(image), float(image.size)
+    samples = float(outline.range.size * outline.u.size)
     view = {"view": DOUBLE * samples}
     if np.iscomplexobj(image.dtype.type()):
         seen = {"image without its carrier": COMPLEX * pixels, "splines": DOUBLE * pixels}

@@ -52,14 +52,9 @@ class Figures(Record):
     false_fraction: Number
 
 
-def thin(points: Array, cell: float = CELL) -> Array:
-    """The mean of the points (n, d) [m] in each occupied cell of a square or cubic grid of edge `cell` [m], (m, d)."""
-    return counted(points, cell)[0]
-
-
-def counted(points: Array, cell: float = CELL) -> tuple[Array, NDArray[np.int64]]:
-    """Points thinned as by `thin`, and the number of points that each of them stands for, (m,)."""
-    cells = np.floor(points / cell).astype(np.int64)
+def thinned(points: Array) -> tuple[Array, NDArray[np.int64]]:
+    """The mean of the points (n, d) [m] in each cell of a grid of edge `CELL`, (m, d), and how many these are, (m,)."""
+    cells = np.floor(points / CELL).astype(np.int64)
     _, which, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     which = which.ravel()
     return np.stack([np.bincount(which, weights=column) / counts for column in points.T], axis=-1), counts
@@ -73,7 +68,7 @@ def figures(
     Parameters
     ----------
     points : (n, d) array [m]
-        Thinned points, see `counted`.
+        Thinned points, see `thinned`.
     count : (n,) array of int
         Number of points that each of them stands for.
     distance : (n,) array [m]

@@ -25,7 +25,7 @@ from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import BOUNCES, MOST_BOUNCES
 from mirrorfold.scoring import floor_plans
 from mirrorfold.scoring.cells import point_cells
-from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, counted, figures
+from mirrorfold.scoring.figures import WIDE, WITHIN_CELLS, Figures, figures, thinned
 from mirrorfold.scoring.mirrors import MirrorError, mirror_errors
 from mirrorfold.scoring.transparent import panes, side_shares
 from mirrorfold.scoring.truth import Truth
@@ -215,7 +215,7 @@ def _judge(
     size : str
         The field of `kind` for the length or area of the truth that can be seen.
     """
-    every, count = counted(points)
+    every, count = thinned(points)
     nearest_point = cKDTree(points).query(every)[1]
     cell, unwidened = (None if one is None else one[nearest_point] for one in cells)
     distance, nearest = truth.distances(every)

@@ -62,7 +62,7 @@ class NewEchoes(NamedTuple):
             if len(other.place):
                 away, nearest = cKDTree(other.place).query(self.place)
                 agrees |= away <= np.hypot(self.reach, other.reach[nearest])
-        return filled_cells(view, self.echoes.take(agrees))
+        return view.filled_cells(self.echoes.position[agrees])
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def with_rows(
         """Those of the rows whose evidence is enough if all are mirrors, and the result of steps 2 to 4 with them."""
         every, tried = [*besides, *trial], found
         echoes = find_echoes(*(mirror for mirror in every if mirror.curved))
-        kept = [row for row in trial if filled_cells(view, echoes.take(selected(view, echoes, row))) >= fewest]
+        kept = [row for row in trial if view.filled_cells(echoes.position[selected(view, echoes, row)]) >= fewest]
         places = known_places(first, view, every)
         quick_pass = partial(steps.quick_pass, mirrors=[*_flat_besides(found, every, view), *every])
         for step, whole in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
@@ -198,11 +198,6 @@ def with_rows(
         proved, found = trial, tried
     in_vain = [row for row in every_row if not any(overlap(row, other) for other in proved)]
     return found, [*besides, *proved], in_vain
-
-
-def filled_cells(view: View, echoes: Echoes) -> int:
-    """Number of resolution cells of the image that hold at least one of the echoes."""
-    return int(view.cell_numbers(echoes.position).max(initial=-1)) + 1
 
 
 def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
@@ -252,15 +247,16 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
         across = growth_over([row], seen.position).max(axis=1) * view.cross_cell(seen.position)
         reach = KNOWN_CELLS * np.hypot(view.range_cell, across)
         new = (tree.query(place)[0] > reach) & ~contradicted
-        cells += filled_cells(view, seen)
-        empty += filled_cells(view, seen.take(contradicted))
+        filled = view.filled_cells(seen.position)
+        cells += filled
+        empty += view.filled_cells(seen.position[contradicted])
         if row.curved and len(way) == 1:
             arrival = np.einsum("nij,nj->ni", turns(fold, seen.position), unit(seen.position - view.radar))
             agrees = _agree_in_range(place, arrival, across, tree, view)
-            confirmed += filled_cells(view, seen.take(agrees))
-            unconfirmed += filled_cells(view, seen) - filled_cells(view, seen.take(agrees | contradicted))
+            confirmed += view.filled_cells(seen.position[agrees])
+            unconfirmed += filled - view.filled_cells(seen.position[agrees | contradicted])
         shows.append(NewEchoes(seen.take(new), place[new], reach[new]))
-    fresh = sum(filled_cells(view, one.echoes) for one in shows)
+    fresh = sum(view.filled_cells(one.echoes.position) for one in shows)
     return Evidence(cells, fresh, empty / max(cells, 1), confirmed, unconfirmed, tuple(shows))
 
 

@@ -89,7 +89,7 @@ class Order:
         strong, limit = echoes.strong.copy(), echoes.limit.copy()
         beam = np.rint(self.sight.view.in_cells(echoes.position)[:, 1:] / BEAM).astype(np.intp)
         beam -= beam.min(axis=0, initial=0)
-        number = beam @ np.cumprod([1, *(beam.max(axis=0, initial=0) + 1)])[:-1]
+        number = np.ravel_multi_index(tuple(beam.T), tuple(beam.max(axis=0, initial=0) + 1))
         # A lossy mirror dims all that is seen through it. Where the objects behind it are dimmer than the reference,
         # the threshold is lowered by the same factor.
         for mirror in range(len(self.mirrors)):

@@ -7,7 +7,6 @@ ray leaves the radar, at the length of the whole path.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -16,7 +15,7 @@ import numpy as np
 from mirrorfold.common.geometry import circle_crossings, turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.curved import dimming, fit_covariance
+from mirrorfold.detection.mirrors.curved import fit_covariance
 from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
@@ -189,7 +188,7 @@ class ArcMirror(Mirror):
         across = view.extent_each(echoes.position, outward)
         beyond = view.extent_each(echoes.position, turned(outward))
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + beyond
-        return beside, beside.copy(), across
+        return beside, beside, across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
         """Places in equal steps along the arc, without its ends, (n, 2) [m]."""
@@ -239,18 +238,3 @@ class ArcMirror(Mirror):
         """
         hit, normal = self.facing(places)
         return fit_covariance(self, places - hit, normal, [turned(normal)], self.along(hit) - 0.5 * self.length)
-
-
-def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
-    """Factor by which curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
-    gain = np.ones((view.range.size, view.u.size))
-    for arc in mirrors:
-        if not isinstance(arc, ArcMirror):
-            continue
-        crossing = arc.crossing(view)
-        met = np.flatnonzero(np.isfinite(crossing))
-        places = view.to_points(view.range[:, None], view.u[None, met])
-        behind = view.range[:, None] > crossing[met]
-        own = dimming([arc], places.reshape(-1, 2)).reshape(behind.shape)
-        gain[:, met] = np.where(behind, np.maximum(gain[:, met], own), gain[:, met])
-    return gain

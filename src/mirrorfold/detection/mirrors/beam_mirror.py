@@ -17,9 +17,6 @@ from mirrorfold.detection.mirrors.mirror import Fold, Mirror
 from mirrorfold.detection.views.view import DEVIATION
 from mirrorfold.detection.views.volume_view import VolumeView
 
-EDGE_RADII = 1.0
-"""Distance from the edge of a mirror, in beam radii, up to which a beam still shows echoes of its wall."""
-
 STRAY_DEVIATIONS = 4.0
 """Largest distance of a face's echoes from it, in standard deviations: it covers the wings of a beam 40 dB above the
 noise."""
@@ -74,17 +71,20 @@ class BeamMirror(Mirror):
         """Width and height of the face [m], (2,)."""
         return np.ptp(self.sides, axis=1)
 
+    def beam_steps(self, view: VolumeView) -> float:
+        """Radius of the beam at the `center`, in steps of the scan."""
+        distance = float(np.linalg.norm(self.center - view.radar))
+        return float(view.width(distance)) / (view.beam_step * distance)
+
     def crossing(self, view: VolumeView) -> Array:  # type: ignore[override]
         """Range [m] at which each beam meets the mirror, (beams,); infinite where it does not."""
         return np.where(self.beams, self.met(view), np.inf)
 
     def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
-        """Echoes in beams that meet the mirror or reach over its edge; echoes in beams that meet it; and the largest
-        distance from the face of the echoes that are its own [m].
+        """Echoes in beams of which a part, up to the radius, meets the mirror; echoes in beams whose axis meets it; and
+        the largest distance from the face of the echoes that are its own [m].
         """
-        distance = float(np.linalg.norm(self.center - view.radar))
-        steps = int(np.ceil(EDGE_RADII * float(view.width(distance)) / (view.beam_step * distance)))
-        wide = binary_dilation(self.beams.reshape(view.shape), iterations=steps).ravel()
+        wide = binary_dilation(self.beams.reshape(view.shape), iterations=int(np.ceil(self.beam_steps(view)))).ravel()
         across = view.extent_each(echoes.position, self.facing(echoes.position)[1])
         reach = view.range_cell + STRAY_DEVIATIONS * DEVIATION * across
         return wide[echoes.direction], self.beams[echoes.direction], reach

@@ -15,6 +15,7 @@ from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 
 LARGEST_DIMMING = ratio_of(30.0)
@@ -77,6 +78,19 @@ def dimming(way: Sequence[Mirror], points: Array) -> Array:
     of the array takes it away.
     """
     return np.clip(np.prod(growth_over(way, points), axis=1), 1.0, LARGEST_DIMMING)
+
+
+def gains(view: ImageView, mirrors: Sequence[Mirror]) -> Array:
+    """Factor by which curved mirrors dim what the image shows behind them, (nr, nu); one elsewhere."""
+    gain = np.ones((view.range.size, view.u.size))
+    for mirror in mirrors:
+        crossing = mirror.crossing(view)
+        met = np.flatnonzero(np.isfinite(crossing))
+        places = view.to_points(view.range[:, None], view.u[None, met])
+        behind = view.range[:, None] > crossing[met]
+        own = dimming([mirror], places.reshape(-1, 2)).reshape(behind.shape)
+        gain[:, met] = np.where(behind, np.maximum(gain[:, met], own), gain[:, met])
+    return gain
 
 
 def dimmed(echoes: Echoes, view: View, mirrors: Sequence[Mirror]) -> Echoes:

@@ -99,7 +99,7 @@ class LineMirror(Mirror):
         """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""
         along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
-        return beside, beside.copy(), across
+        return beside, beside, across
 
     def places(self, view: ImageView) -> Array:  # type: ignore[override]
         """Places in equal steps along the mirror, without its ends, (n, 2) [m].

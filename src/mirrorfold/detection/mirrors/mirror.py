@@ -271,7 +271,7 @@ def faces(mirrors: Sequence[Mirror], view: View, echoes: Echoes, wall_margin: fl
     for index, mirror in enumerate(mirrors):
         wall, own, across = mirror.near(view, echoes)
         behind = mirror.behind(view, echoes.position)
-        wall &= (behind >= -across) & (behind <= across + max(wall_margin, 2.0 * mirror.depth))
+        wall = wall & (behind >= -across) & (behind <= across + max(wall_margin, 2.0 * mirror.depth))
         face[wall & (face == ROOT)] = UNSEEN
         closer = wall & own & (np.abs(behind) <= across + mirror.depth) & (np.abs(behind) < nearest)
         face[closer] = index

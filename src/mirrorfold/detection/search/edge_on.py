@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 
@@ -84,18 +83,17 @@ def edge_on(
     """
     found: list[LineMirror] = []
     for image in (*mirrors, *rows):
-        tried = [
-            (contrast, lit)
-            for wall in mirrors
-            if wall is not image
-            for between in (_on_faint_line(line, view) for line in _between(wall, image, view))
-            if (contrast := _contrast(between, view)) >= CONTRAST
+        best, highest = None, 0.0
+        for line in (line for wall in mirrors if wall is not image for line in _between(wall, image, view)):
+            between = _on_faint_line(line, view)
+            contrast = _contrast(between, view)
+            if contrast < CONTRAST or contrast <= highest:
+                continue
             # The image tells a part of the mirror, the faint line all of it.
-            for lit in [_as_far_as_lit(between, view)]
-            if max(between.length, lit.length) >= shortest
-        ]
-        if tried:
-            _, best = max(tried, key=itemgetter(0))
+            lit = _as_far_as_lit(between, view)
+            if max(between.length, lit.length) >= shortest:
+                best, highest = lit, contrast
+        if best is not None:
             found.append(replace(best, fill=best.filled(view, echoes.take(best.own(view, echoes)))))
     return found
 

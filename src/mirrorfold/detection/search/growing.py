@@ -162,7 +162,7 @@ class Search(ABC, Generic[M]):
         if judged is None:
             return None, member
         _, own, across = judged.near(self.view, self.echoes)
-        own &= np.abs(judged.beside(points)) <= across + judged.depth
+        own = own & (np.abs(judged.beside(points)) <= across + judged.depth)
         judged = replace(judged, fill=judged.filled(self.view, self.echoes.take(own)))
         return judged, np.union1d(member, np.flatnonzero(own))
 

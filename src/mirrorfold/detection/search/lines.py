@@ -201,7 +201,7 @@ class _Lines(Search[LineMirror]):
             if whole is mirror:
                 break
             mirror, stray = self._fitted(whole)
-        if self.tested and self._kept_share(mirror, own) < KEPT_SHARE:
+        if self._kept_share(mirror, own) < KEPT_SHARE:
             return None
         front = _front(mirror, self.view)
         if stray < STRAY * front.depth:

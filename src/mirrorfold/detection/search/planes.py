@@ -107,8 +107,7 @@ def inner_beams(mirror: PlaneMirror, view: VolumeView) -> Mask:
     At an edge, only the inner part of a footprint returns waves: seen askew, this part is nearer at the far end of a
     wall, and farther away at the near end, which turns the plane. The edge of a scan is none of the mirror.
     """
-    distance = float(np.linalg.norm(mirror.center - view.radar))
-    steps = int(np.ceil(EDGE_FOOTPRINTS * float(view.width(distance)) / (view.beam_step * distance)))
+    steps = int(np.ceil(EDGE_FOOTPRINTS * mirror.beam_steps(view)))
     inner = binary_erosion(mirror.beams.reshape(view.shape), iterations=steps, border_value=1).ravel()
     return inner if np.count_nonzero(inner) >= SMALLEST_INNER * np.count_nonzero(mirror.beams) else mirror.beams
 

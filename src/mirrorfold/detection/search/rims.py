@@ -36,9 +36,7 @@ def within_rim(mirror: PlaneMirror, view: VolumeView) -> PlaneMirror:
 
     It stays as it is if no beam lies on it as a whole, so that the full power is not known, or if nothing would remain.
     """
-    distance = float(np.linalg.norm(mirror.center - view.radar))
-    radius = float(view.width(distance)) / (view.beam_step * distance)  # in steps of the scan
-    beams = mirror.beams.reshape(view.shape)
+    radius, beams = mirror.beam_steps(view), mirror.beams.reshape(view.shape)
     # The edge of the scan is none of the mirror: beyond it, the mirror goes on.
     pad = int(np.ceil(4.0 * LEVEL_RADII * radius))
     found = np.pad(beams, pad, mode="edge")

@@ -246,10 +246,10 @@ class _SheetSearch:
         """The mirror with the standard errors of its fit to points (n, 3); `trust` and `design` are as in `_judged`."""
         shape = mirror.shape
         # Echoes within a resolution cell stray together, and count as one.
-        share = len(points) / max(self.view.cell_numbers(points).max() + 1.0, 1.0)
+        cells = self.view.filled_cells(points)
         bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
         squares = float(np.sum(trust * shape.beside(points) ** 2))
-        variance = bread * squares / max(len(points) / share - design.shape[1], 1.0)
+        variance = bread * squares / max(cells - design.shape[1], 1)
         base = shape.base
         count = len(base)
         at = np.concatenate([np.zeros(count), [1.0], np.zeros(design.shape[1] - count - 1)])

@@ -63,17 +63,11 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
 
 
 def outline_of(image: xr.DataArray) -> ImageView:
-    """`to_image_view` without the amplitudes, from the coordinates and attributes of the image alone: quick.
+    """`to_image_view` without the amplitudes, which take most of the time: only where cells lie and how large they are.
 
-    It tells where resolution cells lie and how large they are.
+    It needs the coordinates and attributes of the image alone.
     """
     return _unsampled(image, None)[0]
-
-
-def samples_of(image: xr.DataArray) -> tuple[int, int]:
-    """Number of ranges and directions of `to_image_view`, from the coordinates and attributes of the image alone."""
-    view, _ = _unsampled(image, None)
-    return view.range.size, view.u.size
 
 
 def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array]]:
@@ -93,8 +87,7 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     nearest = float(np.hypot(*(np.clip(radar, [x[0], y[0]], [x[-1], y[-1]]) - radar)))
     farthest = float(np.linalg.norm(corners, axis=1).max())
     known = _known_cell(attrs)
-    wavelength = ambiguous = np.inf
-    weights = np.zeros(0)
+    wavelength, weights = np.inf, np.zeros(0)
     if known is not None:
         range_cell, u_cell, aperture, wavelength, weights = known
         # A scene beyond the ambiguous range is seen over one ambiguous range, from its nearest pixel on. Any other view
@@ -112,9 +105,8 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     sines = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
     range_, u = _polar_grid((nearest, farthest), (sines.min(), sines.max()), range_cell, u_cell)
     view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
-                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength,
-                     ambiguous if nearest < ambiguous else np.inf, height=height, window=weights,
-                     aperture_filled=float(attrs.get("filled_aperture", 0.0)) / wavelength)  # fmt: skip
+                     range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength, height=height,
+                     window=weights, aperture_filled=float(attrs.get("filled_aperture", 0.0)) / wavelength)  # fmt: skip
     return view, (x, y)
 
 

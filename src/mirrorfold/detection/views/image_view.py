@@ -84,9 +84,6 @@ class ImageView(View):
         Lengths of the transmitting and the receiving array in wavelengths of mid-band; they set the side lobes in u.
         For a single antenna that moves along a path, and both sends and receives: twice the length of the path, and
         zero.
-    ambiguous : float [m]
-        Ambiguous range: echoes from beyond it appear nearer by as much. Infinite where it is not known, and for scenes
-        that lie beyond it.
     noisy : bool
         Whether the noise can be estimated from the image, see `noise_level`.
     height : float [m]
@@ -115,7 +112,6 @@ class ImageView(View):
     aperture_rx: float
     normalization: str = "r"
     wavelength: float = np.inf
-    ambiguous: float = np.inf
     noisy: bool = True
     height: float = 0.0
     aperture_filled: float = 0.0

@@ -205,6 +205,10 @@ class View(ABC):
         """Number of the resolution cell of each of points (n, d), (n,); only cells with points count, from zero."""
         return np.unique(np.rint(self.in_cells(points)), axis=0, return_inverse=True)[1].ravel()
 
+    def filled_cells(self, points: Array) -> int:
+        """Number of resolution cells that hold at least one of points (n, d)."""
+        return int(self.cell_numbers(points).max(initial=-1)) + 1
+
     def brightest(self, points: Array, amplitude: Array) -> Index:
         """Index of the brightest of points (n, d) in each resolution cell that holds any, (cells,)."""
         return strongest_of(self.cell_numbers(points), amplitude)

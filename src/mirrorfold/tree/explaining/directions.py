@@ -149,9 +149,8 @@ def _beams_alone(sides: list[Aperture], k: float, u_cell: float) -> float:
     sine = step * np.arange(-most, most + 1, dtype=float)
     tx, rx = (aperture.beam(k, sine) ** 2 for aperture in sides)
     shared = np.convolve(tx, rx)
-    apart = np.abs(np.subtract.outer(OFFSETS, OFFSETS))[APART] * SAMPLES_A_CELL
     middle = shared.size // 2
-    return float(min(shared[middle + apart].mean() / shared[middle], 1.0))
+    return float(min(shared[middle + SAMPLES_A_CELL * _BETWEEN[APART]].mean() / shared[middle], 1.0))
 
 
 def _group_size(k: Array, spread: float) -> int:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import crossing, unit
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror, View
@@ -142,8 +143,8 @@ def _in_half_shadow(
         looks = [side[half[new]] <= 0.0 for side in (tx, rx)]
         groups = looks, [~side for side in looks]
         into, past = (amplitude_at(waves, view, range_[new], u[new], *sides) for sides in groups)
-        tiny = np.finfo(float).tiny
-        known |= {where[i]: level for i, level in zip(new, 20.0 * np.log10((into + tiny) / (past + tiny)), strict=True)}
+        level = to_db(into) - to_db(past)
+        known |= {where[i]: excess for i, excess in zip(new, level.tolist(), strict=True)}
     excess = np.array([known[place] for place in where])
     clear = np.abs(excess) >= CLEARER_DB
     middle = _beyond(view.radar[None], echoes.position[half], end, outward)[:, 0]

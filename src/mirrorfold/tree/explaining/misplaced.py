@@ -53,14 +53,15 @@ def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known |
     `known` holds the measurements of earlier calls, by range [m] and u; those of this call are added.
     """
     known = {} if known is None else known
-    claimed = ratio_of(MARGIN_DB) * _once_a_cell(lobe_level, *_seen(echoes), waves, view, known)
-    beside = echoes.amplitude <= claimed
-    late = _once_a_cell(wrapping_ratio, *_seen(echoes), waves, view, known) > LARGEST_WRAPPING_RATIO
-    mixed = np.zeros_like(late)
-    rest = echoes.take(~(late | beside))
-    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * waves.grating_lobe)
-    mixed[~(late | beside)] = _once_a_cell(direction_ratio, *_seen(rest), waves, view, known) < least
-    return np.select([beside, late, mixed], [LOBE, LATE, MIXED], "")
+
+    def measured(measure: Measure, some: Mask | slice = slice(None)) -> Array:
+        return _once_a_cell(measure, echoes.position[some], echoes.amplitude[some], waves, view, known)
+
+    lobe = echoes.amplitude <= ratio_of(MARGIN_DB) * measured(lobe_level)
+    late = measured(wrapping_ratio) > LARGEST_WRAPPING_RATIO
+    mixed, rest = np.zeros_like(late), ~(late | lobe)
+    mixed[rest] = measured(direction_ratio, rest) < max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * waves.grating_lobe)
+    return np.select([lobe, late, mixed], [LOBE, LATE, MIXED], "")
 
 
 def known_ghosts(echoes: Echoes, view: View, places: Array, explanation: Names) -> Names:
@@ -97,10 +98,6 @@ def known_corners(position: Array, view: ImageView, places: Array) -> Mask:
     if not len(places):
         return np.zeros(len(position), dtype=bool)
     return cKDTree(view.in_cells(places)).query(view.in_cells(position))[0] <= GHOST_CELLS
-
-
-def _seen(echoes: Echoes) -> tuple[Array, Array]:
-    return echoes.position, echoes.amplitude
 
 
 def _once_a_cell(
