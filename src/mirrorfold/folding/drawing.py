@@ -24,7 +24,7 @@ def _place(m, x, y, z, grid, flat):  # type: ignore[no-untyped-def]
 
     All three are -1 for places beside the view, or behind the radar of an image. An image is `flat`: its first index is
     that of the sine of the angle from broadside, its second index is zero. In a volume ``tan(azimuth / 2)``, which
-    rises all the way around the radar, tells places beside the view without an arctangent.
+    rises all the way around the radar, decides without an arctangent whether a place is in view.
     """
     px = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
     py = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]

@@ -22,7 +22,7 @@ KEPT = (*BY_SWEEP, COPY)
 
 
 def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
-    """What the sweep told of the echoes and mirrors of a Reconstruction, as far as the Reconstruction has kept it.
+    """The measurements by the sweep that a Reconstruction has kept.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
-            # Those that were kept, whatever mirrors and echoes are asked about.
+            # The kept ones hold for all mirrors and echoes.
             overhangs=lambda order, echoes: overhangs,
             confocal_share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
             # Without the sweep nothing was asked about corners, which is not to say that there are none.

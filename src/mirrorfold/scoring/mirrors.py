@@ -16,9 +16,8 @@ from mirrorfold.common.types import Array
 
 MIRROR_ANGLE_DEG, MIRROR_OFFSET = 10.0, 0.10
 """A detected mirror belongs to a true face that it agrees with to this angle [degree] and distance [m]: far more than
-the errors of a good fit, and less than the differences between the faces of most rooms. Both are those of rooms, not of
-the radar: what is told as an error of a fine radar is still found, and a mirror that a coarse one misplaces by more is
-none of a room's faces."""
+the errors of a good fit, and less than the differences between the faces of most rooms. Both follow from rooms, not
+from the radar: a mirror that a coarse radar misplaces by more agrees with no face."""
 
 
 class MirrorError(Record):

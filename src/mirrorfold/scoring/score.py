@@ -71,7 +71,7 @@ class Contrast(Record):
 
 
 class SidesRight(Record):
-    """How often echoes behind half-transparent walls are told apart rightly: reflected, or passed."""
+    """How often a result decides rightly whether echoes behind half-transparent walls were reflected or passed."""
 
     sides_right: Number = fact(
         "share of the echoes behind half-transparent walls, but the doubtful, that are rightly taken for reflected, or "

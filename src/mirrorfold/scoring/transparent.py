@@ -123,7 +123,7 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
 
     An echo was reflected if the image shows it nearer to the mirror image of an object, and passed if it is nearer to
     an object. Echoes that several mirrors show are left out, see `_shown_by_several`. None if there is no
-    half-transparent wall, or no echo behind it near either, or if the points do not tell where the image shows them.
+    half-transparent wall, or no echo behind it near either, or if the points do not say where the image shows them.
     """
     axes = "xy" if isinstance(scene, Scene) else "xyz"
     if not set(objects.variables) >= NEEDED | {f"{axis}_initial" for axis in axes}:
@@ -173,8 +173,8 @@ def doubted(passed: Array) -> Mask:
 
 
 def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> dict[str, Any]:
-    """How often a reconstruction tells passed from reflected echoes, as the facts of `SidesRight`; none if it tested
-    none.
+    """How often a reconstruction decides rightly between passed and reflected, as the facts of `SidesRight`; empty if
+    it tested no echo.
     """
     found = behind(objects, scene)
     if found is None or not (asked := np.isfinite(found.passed)).any():

@@ -52,8 +52,8 @@ class Found(NamedTuple):
 
 
 Pass = Callable[..., Found]
-"""Does steps 2 to 4 with some ``echoes=``, mirrors ``besides=`` those found, and what an ``earlier=`` result told of
-echoes: `mirrorfold.tree.rounds.find_tree`.
+"""`mirrorfold.tree.rounds.find_tree` with its view and settings: steps 2 to 4 for ``echoes=``, with the mirrors
+``besides=`` in addition to those that are found, and with the reasons that an ``earlier=`` result has against echoes.
 """
 
 

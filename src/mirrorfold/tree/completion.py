@@ -22,11 +22,7 @@ from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 
 def completed(
-    mirrors: Sequence[Mirror],
-    order: Order,
-    view: ImageView,
-    echoes: Echoes,
-    shortest: float,
+    mirrors: Sequence[Mirror], order: Order, view: ImageView, echoes: Echoes, shortest: float
 ) -> list[Mirror]:
     """The mirrors, prolonged across shadows and faint gaps; and new ones: rows joined to one, and walls seen edge-on.
 

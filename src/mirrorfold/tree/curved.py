@@ -1,4 +1,4 @@
-"""Curved mirrors: which curved rows of echoes are mirrors, told by the echoes behind them.
+"""Curved mirrors: which curved rows of echoes are mirrors, judged by the echoes behind them.
 
 A curved row may be a mirror or a round object. It is a mirror if enough echoes stand behind it that are strong enough,
 given how much the arc spreads the wave; if most of them fold to where an object may stand; and if some of them fold to

@@ -1,8 +1,8 @@
 """Steps 2 to 4 for mirrors of every kind: flat, curved, short and half-transparent ones.
 
-Flat, opaque walls are found by their own echoes, see `mirrorfold.tree.rounds`. Only the echoes behind a wall tell that
-it lets waves pass, or that a curved or a short row is a mirror. Such mirrors are proposed one kind after the other, and
-steps 2 to 4 are repeated with them.
+Flat, opaque walls are found by their own echoes, see `mirrorfold.tree.rounds`. Only the echoes behind a wall show
+that it lets waves pass, or that a curved or a short row is a mirror. Such mirrors are proposed one kind after the
+other, and steps 2 to 4 are repeated with them.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def find_every_kind(
     known, walls : optional
         Given mirrors, used in the place of found ones, see `find_tree`.
     polarizations : mapping of str to DataArray, optional
-        Complex images by polarization, "TE" and "TM", which tell which echoes passed through walls.
+        Complex images by polarization, "TE" and "TM", by which echoes that passed through walls are found.
     short : bool
         Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
     """

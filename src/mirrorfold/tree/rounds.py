@@ -203,10 +203,10 @@ class _Reasons:
         Where concave mirrors are used `besides`, late echoes are tested again: see `Order.flattened`.
         """
         still = [why for why in BY_SWEEP if why != LATE or all(mirror.curvature >= 0.0 for mirror in besides)]
-        told = np.isin(earlier.explanation, still)
-        if told.any():
-            away, nearest = cKDTree(earlier.explained.position[told]).query(self.echoes.position)
-            self.note(away == 0.0, earlier.explanation[told][nearest[away == 0.0]])
+        holds = np.isin(earlier.explanation, still)
+        if holds.any():
+            away, nearest = cKDTree(earlier.explained.position[holds]).query(self.echoes.position)
+            self.note(away == 0.0, earlier.explanation[holds][nearest[away == 0.0]])
             self.leave_out()
 
     def leave_out(self) -> None:
@@ -234,8 +234,8 @@ class _Reasons:
 
     def explained(self) -> tuple[Echoes, Names]:
         """All echoes with a reason against them, and the reasons."""
-        told = self._reason != ""
-        return self._every.take(told), self._reason[told].astype(str)
+        explained = self._reason != ""
+        return self._every.take(explained), self._reason[explained].astype(str)
 
 
 def agreed(

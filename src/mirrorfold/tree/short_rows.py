@@ -79,7 +79,7 @@ def short_rows(
     """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror.
 
     Rows with the vertex of a corner at an end are left out: they are its legs. It is the brightest place of such a row.
-    Where `corners` are not told, every place at an end that is bright enough counts as a vertex.
+    Without `corners`, every place at an end that is bright enough counts as a vertex.
     """
     sight, echoes = found.sight, found.echoes
     by_chain = found.tree.mirrors_by_chain()
@@ -94,5 +94,5 @@ def short_rows(
     vertex = bright_places(rows, view)
     if corners is not None and len(vertex):
         vertex = vertex[corners(vertex)]
-    told = view.knowing(corners=vertex)
-    return [row for row in rows if not told.near_corner(row.ends).any()]
+    marked = view.knowing(corners=vertex)
+    return [row for row in rows if not marked.near_corner(row.ends).any()]

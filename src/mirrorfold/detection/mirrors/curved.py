@@ -19,8 +19,8 @@ from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
 
 LARGEST_DIMMING = ratio_of(30.0)
-"""Largest factor by which mirrors are taken to dim amplitudes, 30 dB: weaker echoes cannot be told from multiple
-scattering, which starts 15 dB below echoes that were scattered once."""
+"""Largest factor by which mirrors are taken to dim amplitudes, 30 dB: weaker echoes cannot be distinguished from
+multiple scattering, which starts 15 dB below echoes that were scattered once."""
 
 SAME_ROW = 0.1
 """Two rows are the same if the middle of one lies on the other, or beside it by at most this share of the other's size.

@@ -211,13 +211,13 @@ def _rows(mirrors: Any, source: str) -> Any:
 
 def write_mirrors(mirrors: ArrayLike, path: str | Path) -> Path:
     """Write mirrors to a JSON file, which `read_mirrors` reads back to the last bit; return its path."""
-    rows = [_plainly(points) for points in check_mirrors(mirrors)]
+    rows = [_entry(points) for points in check_mirrors(mirrors)]
     path = Path(path)
     path.write_text(json.dumps({"mirrors": rows}, indent=2) + "\n", encoding="utf-8")
     return path
 
 
-def _plainly(points: Array) -> dict[str, Any]:
+def _entry(points: Array) -> dict[str, Any]:
     """The entry of the file for one given mirror."""
     place = points.tolist()
     if is_round(points):

@@ -18,9 +18,9 @@ SPACING = 0.25
 """Distance between neighbouring profiles along a mirror, in range cells."""
 
 CLEAR_SHARE = 0.25
-"""Least share of a wall that must be clear of echoes from elsewhere; a smaller share does not tell where the wall
-stands, and then the blurred places are used, too. At 79 GHz, the echoes that go by way of both of two walls at right
-angles blur up to two thirds of what is seen of one of them."""
+"""Places on a wall that misplaced echoes blur are left out of its profiles, if more than this share of the places is
+clear of them: fewer would not say where the wall stands. At 79 GHz, the echoes that go by way of both of two walls at
+right angles blur up to two thirds of what is seen of one of them."""
 
 LEG_SHARE = 0.65
 """Least length of the legs of a corner whose vertex is known, as a share of the least length of mirrors: five

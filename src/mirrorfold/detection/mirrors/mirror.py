@@ -75,10 +75,8 @@ class Mirror(ABC):
 
     @abstractmethod
     def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
-        """Echoes beside the mirror: three arrays (n,), one value for each echo.
-
-        Whether it lies in the directions of the wall; whether it lies in those of the face; and the width of the
-        resolution cell across the mirror [m], within which echoes of the face lie.
+        """Three values for each echo, (n,): whether its direction may be one of the wall; whether it may be one of the
+        visible face; and the width of the resolution cell across the mirror at the echo [m].
         """
 
     @abstractmethod

@@ -30,12 +30,7 @@ from mirrorfold.detection.search.circles import (
     fitted_circle,
     proposed,
 )
-from mirrorfold.detection.search.fit import (
-    FEWEST_BLOCKS,
-    block_covariance,
-    kink_residual,
-    power_centroids,
-)
+from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, kink_residual, power_centroids
 from mirrorfold.detection.search.growing import clipped_weight, drawn
 from mirrorfold.detection.search.joined import fitted_together, s_shaped
 from mirrorfold.detection.search.lines import LOBE

@@ -28,8 +28,8 @@ LARGEST_GRAZING_DEG = 45.0
 own echoes."""
 
 SMALLEST_TURN_DEG = 2.0
-"""Least angle [degree] between a wall and its image: lines that are more parallel cross too far away to tell the mirror
-between them."""
+"""Least angle [degree] between a wall and its image: lines that are more parallel cross too far away to locate the
+mirror between them."""
 
 SEEN_TWICE = 0.75
 """Least share of the image of a wall that must lie, once reflected back, on the part of the wall that the radar
@@ -54,7 +54,8 @@ at most as many resolution cells; and steps per cell. If wall and image are near
 about a cell."""
 
 BEYOND = 0.5
-"""How far the line is followed towards the radar beyond the part that the image tells, as a share of that part."""
+"""How far the line is followed towards the radar beyond the part of the mirror in which the image is seen, as a
+share of that part."""
 
 SAMPLES = 32
 """Number of lines of sight that are followed to an image."""
@@ -74,7 +75,7 @@ def edge_on(
     view : ImageView
     echoes : Echoes
     shortest : float [m]
-        Least length of a mirror: of the part that the image tells, or of the faint line.
+        Least length of a mirror: of the part in which the image is seen, or of the faint line.
 
     Returns
     -------
@@ -89,7 +90,7 @@ def edge_on(
             contrast = _contrast(between, view)
             if contrast < CONTRAST or contrast <= highest:
                 continue
-            # The image tells a part of the mirror, the faint line all of it.
+            # The image is seen in a part of the mirror; the faint line shows all of it.
             lit = _as_far_as_lit(between, view)
             if max(between.length, lit.length) >= shortest:
                 best, highest = lit, contrast
@@ -154,7 +155,7 @@ def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
 
 
 def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
-    """The longest part of the mirror where the faint line stands out; the mirror as it is if it does nowhere.
+    """The longest part of the mirror where the faint line stands out; the whole mirror if it stands out nowhere.
 
     The mirror may end earlier than its image does, which may go on in another row on the same line. Towards the radar
     it may be longer: there its own echoes are brightest, and hide what it shows.

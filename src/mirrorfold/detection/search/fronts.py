@@ -7,8 +7,8 @@ better it agrees with that of the image, the likelier it is. The position of the
 weighted with their likelihood, and its standard error is their standard deviation.
 
 The logarithm of the mean power of N independent speckles has the error ``1 / sqrt(N)`` (Goodman, Speckle Phenomena in
-Optics, 2007). At neighbouring depths, as far apart as the cell is wide, these errors are nearly the same; farther than
-that for a face alone, whose speckle all depths show.
+Optics, 2007). At depths closer to each other than the cell is wide, these errors are nearly the same; for a face alone
+at all depths, since all of them show the same speckle.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Step 2, within the search for curved mirrors: two arcs that pass into each other, fitted as one smooth curve.
 
 The halves of an S share a point and a tangent. Fitted separately, each half has its own direction and curvature there.
-Fitted together, each half also profits from what the other one tells of their joint.
+Fitted together, each half also profits from what the other one says of their joint.
 
 The curve has five parameters: the joint (x, y) [m], the direction there [rad], and the curvatures [1/m] of the halves
 before and behind the joint, positive where the center of the circle lies to the left.

@@ -105,7 +105,7 @@ def inner_beams(mirror: PlaneMirror, view: VolumeView) -> Mask:
     """Its beams whose whole footprint lies on it, (beams,); all, if these are too few to fit a plane to them.
 
     At an edge, only the inner part of a footprint returns waves: seen askew, this part is nearer at the far end of a
-    wall, and farther away at the near end, which turns the plane. The edge of a scan is none of the mirror.
+    wall, and farther away at the near end, which turns the plane. Mirrors go on beyond the edge of a scan.
     """
     steps = int(np.ceil(EDGE_FOOTPRINTS * mirror.beam_steps(view)))
     inner = binary_erosion(mirror.beams.reshape(view.shape), iterations=steps, border_value=1).ravel()

@@ -1,8 +1,7 @@
-"""What the image tells of a straight row, computed once.
+"""Fits of straight rows to the image, each computed once.
 
 The search for mirrors is repeated whenever echoes were explained and left out, and mostly finds the same rows again.
-How a row is fitted to the image depends on its ends, and on places that misplaced echoes blur. It does not depend on
-the echoes that are left. So the view keeps the results.
+The fit of a row depends only on its ends and on the misplaced echoes near it. So the view keeps the results.
 """
 
 from __future__ import annotations
@@ -19,22 +18,22 @@ from mirrorfold.detection.views.image_view import ImageView
 T = TypeVar("T")
 
 
-def remembered(ask: Callable[[LineMirror, ImageView], T]) -> Callable[[LineMirror, ImageView], T]:
-    """A function of a mirror and a view that computes each answer once: the view keeps the answers in `fits`.
+def remembered(fit: Callable[[LineMirror, ImageView], T]) -> Callable[[LineMirror, ImageView], T]:
+    """Decorate a function of a mirror and a view: each result is computed once and kept in the `fits` of the view.
 
-    The answer may depend on the ends of the mirror alone. So `ask` gets a mirror that has nothing but these ends.
+    Of the mirror, the result may depend on its ends alone. So `fit` gets a mirror that has only these ends.
     """
 
-    @wraps(ask)
-    def known(mirror: LineMirror, view: ImageView) -> T:
-        # A fit moves a row by less than the size of the area that a misplaced echo blurs. Places a cell apart suffice.
+    @wraps(fit)
+    def kept(mirror: LineMirror, view: ImageView) -> T:
+        # Misplaced echoes blur areas larger than a cell, so places a cell apart along the row find all of them.
         cell = min(view.range_cell, float(view.cross_cell(mirror.ends).min()))
         along = np.linspace(0.0, 1.0, 2 + int(mirror.length / cell))[:, None]
         blurs = view.misplaced_about(mirror.start + along * (mirror.end - mirror.start))
-        key = f"{ask.__module__}.{ask.__qualname__}", mirror.ends.tobytes(), blurs.tobytes()
+        key = f"{fit.__module__}.{fit.__qualname__}", mirror.ends.tobytes(), blurs.tobytes()
         if key not in view.fits:
-            view.fits[key] = ask(LineMirror(mirror.start, mirror.end), view)
-        answer: T = view.fits[key]
-        return answer
+            view.fits[key] = fit(LineMirror(mirror.start, mirror.end), view)
+        result: T = view.fits[key]
+        return result
 
-    return known
+    return kept

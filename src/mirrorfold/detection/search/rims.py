@@ -1,4 +1,4 @@
-"""Step 2 in space: the beams that a plane mirror ends at, told by how much of their footprints falls on it.
+"""Step 2 in space: the beams at which a plane mirror ends, by how much of their footprints falls on it.
 
 A beam whose axis passes beside a wall still shows the wall's echoes, as a part of its footprint falls on the wall. So a
 sheet of echoes reaches up to a beam radius beyond the wall. Lines of sight there see past the wall, and what they show
@@ -37,7 +37,7 @@ def within_rim(mirror: PlaneMirror, view: VolumeView) -> PlaneMirror:
     It stays as it is if no beam lies on it as a whole, so that the full power is not known, or if nothing would remain.
     """
     radius, beams = mirror.beam_steps(view), mirror.beams.reshape(view.shape)
-    # The edge of the scan is none of the mirror: beyond it, the mirror goes on.
+    # Mirrors go on beyond the edge of the scan.
     pad = int(np.ceil(4.0 * LEVEL_RADII * radius))
     found = np.pad(beams, pad, mode="edge")
     power = np.pad(np.where(beams, _face_power(mirror, view), 0.0), pad, mode="edge")

@@ -149,7 +149,7 @@ class _SheetSearch:
         sight = unit(points - view.radar)
         normal *= -np.sign(np.sum(normal * sight, axis=1))[:, None]
         cell = view.cell(self.echoes.range)
-        # The neighbours in a sheet spread along two directions; single echoes and thin strips tell no normal.
+        # The neighbours in a sheet spread along two directions; single echoes and thin strips define no normal.
         reliable = (size[:, 0] < FLAT * size[:, 1]) & (size[:, 2] < (SPREAD_CELLS * cell) ** 2)
         return normal, reliable
 

@@ -45,7 +45,7 @@ SAMPLES = 64
 
 
 Clear = Callable[[Array, Index, Array | float], Mask]
-"""A function that tells which echoes, at ranges [m], in directions and of amplitudes, no object in front hides."""
+"""A function of ranges [m], directions and amplitudes that returns which of these echoes no object in front hides."""
 
 
 def beyond_shadows(
@@ -101,7 +101,7 @@ def joined(
             for beyond in (points[on_line & before], points[on_line & after])
             if len(beyond) and row.length + float(np.ptp(longer.along(beyond))) >= shortest
         ]
-        if sides:  # a row between two others gives one mirror, whose direction the farther of them tells best
+        if sides:  # a row between two others gives one mirror, whose direction follows best from the farther one
             farther = max(sides, key=lambda beyond: float(np.linalg.norm(beyond.mean(axis=0) - row.center)))
             found.append(_through(row, farther, longer, view))
     return found

@@ -29,7 +29,7 @@ SPECKLE_SAMPLES = 241
 """Number of samples of the profiles that are turned with the line: close enough for linear interpolation."""
 
 SPECKLE_FLOOR = 1e-4
-"""Power, relative to the wall's, below which speckle cannot be told from noise and side lobes."""
+"""Power, relative to the wall's, below which speckle cannot be distinguished from noise and side lobes."""
 
 
 @remembered

@@ -2,9 +2,9 @@
 
 The side lobes of a uniform array of D wavelengths have the envelope ``1 / (pi D u)``, one way. So the side lobes of an
 echo of amplitude A reach ``A / ((pi D_tx du) (pi D_rx du))`` at the distance du in u. Those in range have the envelope
-of the window over frequency, if it is known. If one array has gaps, which the pairs with the antennas of the other
-fill, its beam has lobes as high as the main one, where that of the other has zeros. Then the lobes of the product fall
-only as ``1 / (pi D u)``, with the length D of the filled array.
+of the window over frequency, if it is known. If one array has gaps that the pairs with the other array fill, its
+grating lobes are as high as its main lobe, and lie in the nulls of the other's beam. The lobes of the product then fall
+only as ``1 / (pi D u)``, with D the length of the filled array.
 
 The sum over an aperture leaves only what its two ends contribute, and each end keeps an echo at its own distance. So
 the lobes in u lie on two circles, one about each end, and both have half of the amplitude. Where both arrays are
@@ -53,7 +53,7 @@ def side_lobes(view: ImageView) -> Array:
     if view.window.size:
         distance = np.arange(view.range.size) * view.dr / view.range_unit
         envelope = side_lobe_envelope(view.window, distance)
-    near = max(1, int(LOBE_CELLS * view.range_cell / view.dr + 1e-6))  # whatever rounding left of a whole number
+    near = max(1, int(LOBE_CELLS * view.range_cell / view.dr + 1e-6))  # rounding may leave a whole number short
     while near < envelope.size and envelope[near] > LOWEST_LOBE:
         far = near + 2 * int(0.05 * near)
         _claim(claim.T, view.amplitude.T, near, far, float(envelope[near]))
@@ -80,7 +80,7 @@ def _claim(claim: Array, amplitude: Array, near: int, far: int, level: float) ->
     samples away along the last axis, on either side.
     """
     size, count = far - near + 1, claim.shape[1]
-    # The filter looks at a sample, the size // 2 before it, and the rest after it: by one sample less if that is even.
+    # The filter looks at a sample, at size // 2 samples before it, and at the rest of its size after it.
     even = 1 - size % 2
     after, before = min(far - size // 2, count), min(near + size // 2, count)
     seen = np.pad(amplitude, ((0, 0), (0, 1))) if even else amplitude

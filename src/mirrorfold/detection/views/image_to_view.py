@@ -19,13 +19,7 @@ from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import cell_of, half_amplitude_width, window
 from mirrorfold.detection.echoes import noise_level
-from mirrorfold.detection.views.image_view import (
-    LARGEST_SINE,
-    SAMPLES_PER_CELL,
-    UNIFORM_CELL,
-    ImageView,
-    uniform_cell,
-)
+from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, UNIFORM_CELL, ImageView, uniform_cell
 from mirrorfold.detection.views.resampling import interpolated, sampled
 from mirrorfold.detection.views.view import check_samples
 from mirrorfold.errors import InputError

@@ -91,10 +91,10 @@ class ImageView(View):
     aperture_filled : float
         Length, in wavelengths, of the array that the pairs of antennas fill where one of both arrays has gaps; or zero.
     misplaced : (m, 2) array [m]
-        Where the image shows misplaced echoes: the sweep tells that most of their energy came back by another path
-        than it went out.
+        Where the image shows misplaced echoes: by the sweep, most of their energy came back by another path than it
+        went out.
     corners : (c, 2) array [m]
-        Where the image shows the vertices of right-angled corners, as the sweep tells.
+        Where the image shows the vertices of right-angled corners, found by the sweep.
     radar, range, range_cell, normalization, wavelength, window
         See `View`.
     """
@@ -162,7 +162,7 @@ class ImageView(View):
 
     @cached_property
     def fits(self) -> dict[tuple[str, bytes, bytes], Any]:
-        """What is known of straight rows in this image, see `mirrorfold.detection.search.remembered`."""
+        """Fits of straight rows to this image, see `mirrorfold.detection.search.remembered`."""
         return {}
 
     @cached_property

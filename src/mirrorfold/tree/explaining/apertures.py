@@ -16,7 +16,7 @@ SAME_PLACE = 1e-3
 
 MAIN_LOBE, LIKE_THE_MAIN_ONE = 2.0, 0.75
 """Half-width of the main lobe under a Hann window, in wavelengths over the aperture; and the height, relative to the
-main lobe, from which on another lobe cannot be told from the main one."""
+main lobe, from which on another lobe cannot be distinguished from the main one."""
 
 BAND_SAMPLES, ABOVE_FULL = 9, 2.0
 """Number of frequencies at which lobes are computed; and the least height of a lobe that counts, in side lobes of a
@@ -85,7 +85,7 @@ def grating_lobe(aperture: Aperture, k: float) -> float:
     """Height of an aperture's largest grating lobe at the wavenumber k [rad/m], relative to the main lobe.
 
     Zero if there is none. Lobes nearly as high as the main lobe do not count, such as those of antennas more than a
-    wavelength apart: they cannot be told from it.
+    wavelength apart: they cannot be distinguished from it.
     """
     length = float(np.ptp(aperture.along)) * k / (2.0 * np.pi)  # in wavelengths
     if length < 1.0:

@@ -43,7 +43,7 @@ def behind_objects(found: Found, view: ImageView) -> dict[Chain, Mask]:
 
     An object hides only echoes that are seen by way of as many mirrors or more, for places are less certain with each
     mirror; and only echoes no brighter than its own brightest echo, for a weaker object may be a side lobe itself. Not
-    tested are echoes by way of curved mirrors, and direct echoes, for which the lines of sight tell.
+    tested are echoes by way of curved mirrors, and direct echoes, which the lines of sight decide.
     """
     behind = {node.chain: np.zeros(len(node.objects), dtype=bool) for node in found.tree.walk()}
 

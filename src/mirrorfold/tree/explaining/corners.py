@@ -1,4 +1,4 @@
-"""Right-angled corners, told from points and faces by the curvature of their waves.
+"""Right-angled corners, distinguished from points and faces by the curvature of their waves.
 
 Each leg of a corner shows the image of the other leg, which continues that leg straight beyond the vertex. So the image
 shows a cross, and half of each of its rows is no wall. The vertex is the brightest place. The wave that it returns is

@@ -46,7 +46,7 @@ SAMPLES_A_CELL = 8
 """Number of samples of a beam in one resolution cell."""
 
 LARGEST_OWN = 0.6
-"""Largest h of `confocal_share`: where beams one to three cells apart share more, they do not tell directions apart."""
+"""Largest h of `confocal_share`: where beams one to three cells apart share more, they do not separate directions."""
 
 CHUNK = 64
 """Number of points that are computed at once; bounds the memory."""
@@ -115,7 +115,7 @@ def confocal_share(waves: SweepWaves, view: ImageView, range_: Array, u: Array) 
     h < 1 due to the width of the radar's beams; waves that leave and arrive in unrelated directions give A = D. So
     single scattering has the share ``(1 - A / D) / (1 - h)`` of the energy. This is the common-midpoint profile of the
     focused reflection matrix (Lambert, Cobus, Couade, Fink and Aubry, Phys. Rev. X 10, 021048, 2020). NaN where the
-    apertures cannot tell, or an echo is too near.
+    apertures cannot separate directions, or an echo is too near.
 
     Raises
     ------

@@ -2,8 +2,8 @@
 
 Where the middle of a beam just misses the end of a mirror, half of the beam is still reflected. So an object that the
 mirror shows at its end also appears up to a beam's width beyond the end, where it would pass for an object behind the
-mirror. Just so, an object behind the mirror and beside its end also appears up to a beam's width before the end, where
-it would pass for an object that the mirror shows.
+mirror. In the same way, an object behind the mirror and beside its end also appears up to a beam's width before the
+end, where it would pass for an object that the mirror shows.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 One wave focuses to a blob as large as a resolution cell. Where the blob lies across the end of a mirror, one part of it
 seems to stand in line of sight, and the other in the mirror; each part is explained by itself, or is not. But both are
-the same wave: what is less than a cell from an explained echo, and no brighter, cannot be told from it.
+the same wave: the explanation of an echo holds for all that is less than a cell from it, and no brighter.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO
 WAVES = {TO_AND_FRO: 2.0, REFLECTED_ON: 2.0, MIXED: 1.0, LATE: 1.0}
 """Explanations that give a wave another path and so hold for all of its blob, and the largest distance of a flank in
 direction, in resolution cells. The end of a mirror divides the antennas, and the beam of half of them is twice as wide.
-What the sweep tells, it tells of each cell by itself, so that only the neighbouring cell is in question."""
+The sweep was asked about each cell by itself, so that only the neighbouring cell is in question."""
 
 FLANK_CELLS = 1.0
 """Largest distance of a flank in range, in resolution cells."""
@@ -40,6 +40,6 @@ def flanks(echoes: Echoes, found: Found, view: ImageView) -> Names:
         at, tops = (view.in_cells(some.position) / (FLANK_CELLS, cells) for some in (echoes, peaks))
         near = cKDTree(tops).query_ball_point(at, 1.0)
         amplitude = np.array([peaks.amplitude[those].max(initial=0.0) for those in near])
-        told = (echoes.amplitude <= ratio_of(AS_BRIGHT_DB) * amplitude) & (amplitude > brightest)
-        result[told], brightest[told] = reason, amplitude[told]
+        flank = (echoes.amplitude <= ratio_of(AS_BRIGHT_DB) * amplitude) & (amplitude > brightest)
+        result[flank], brightest[flank] = reason, amplitude[flank]
     return result

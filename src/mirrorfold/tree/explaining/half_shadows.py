@@ -1,4 +1,4 @@
-"""Echoes near the end of a mirror: whether they are seen past the end or by way of the mirror, told by the antennas.
+"""Echoes near the end of a mirror: the antennas that receive them decide whether they are seen past it or in it.
 
 Lines of sight are drawn from the middle of the radar. Where a mirror ends near the radar, some antennas look past its
 end at the objects behind, while others look into the mirror, just as an edge throws a half-shadow if the lamp is large.

@@ -1,9 +1,9 @@
-"""Echoes of waves that a flat object or the back of a wall beside their path reflected, on to a thing that is known.
+"""Echoes of waves that a flat object or the back of a wall beside their path reflected, on to a known object.
 
 A flat object that is no mirror in the image still reflects, and so does the back of a wall. If the last leg of an
 echo's path passes well inside of its ends, nothing stands behind it (`behind_walls`). If the leg passes close to an
 end, both may be: the wave went past the end, or the end reflected it. If the end did, the true place follows from
-reflecting the leg there, and at each wall that it meets from there on. If a known thing stands at just that place, the
+reflecting the leg there, and at each wall that it meets from there on. If a known object stands at just that place, the
 wave came from it.
 """
 

@@ -151,13 +151,7 @@ class _Objects(NamedTuple):
 
 
 def _of_objects(
-    objects: _Objects,
-    order: Order,
-    number: int,
-    rough: _Surface,
-    echoes: Echoes,
-    single: Mask,
-    corners: Corners | None,
+    objects: _Objects, order: Order, number: int, rough: _Surface, echoes: Echoes, single: Mask, corners: Corners | None
 ) -> Mask:
     """Which echoes the rough wall of that `number` may make of bright objects, (n,).
 

@@ -58,8 +58,8 @@ def cast_no_shadow(objects: Echoes, mirrors: Sequence[Mirror], crossing: Array, 
     hidden_from = np.full(len(view.sight), np.finfo(float).max)  # range in each direction [m]
     np.minimum.at(hidden_from, direction, back[row])
     past = np.count_nonzero(crossing <= hidden_from, axis=1)
-    tells = past > SEEN_PAST * np.count_nonzero(np.isfinite(crossing), axis=1)
-    crossing = np.where(tells[:, None], crossing, np.inf)
+    is_test = past > SEEN_PAST * np.count_nonzero(np.isfinite(crossing), axis=1)
+    crossing = np.where(is_test[:, None], crossing, np.inf)
     nearest, first = crossing.min(axis=0)[covered], crossing.argmin(axis=0)[covered]
     met = np.isfinite(nearest)
     shown = np.zeros(met.size)

@@ -80,11 +80,11 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
             stands[place], true[chain][later], behind, level[place],
             objects[chain].amplitude[later], view.cell(objects[chain].range[later]),
         )  # fmt: skip
-        for told in _turned_at(walls, pairs, view.range_cell):
-            marks[chain][later[told]] = True
+        for turned in _turned_at(walls, pairs, view.range_cell):
+            marks[chain][later[turned]] = True
         peak, beside = _peaks(objects[chain], view), np.zeros(len(objects[chain]), dtype=bool)
-        for told in _turned_beside(others, pairs, view.range_cell):
-            beside[later[told]] = True
+        for turned in _turned_beside(others, pairs, view.range_cell):
+            beside[later[turned]] = True
         marks[chain] |= beside[peak]
     return marks
 

@@ -19,13 +19,7 @@ from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POI
 from mirrorfold.focusing.echoes.range_windows import RangeWindows
 from mirrorfold.sweep import wavenumber
 from mirrorfold.sweep.pairs import Pairs, pairs_of
-from mirrorfold.tree.explaining.apertures import (
-    Aperture,
-    apertures,
-    beside_main_lobe,
-    grating_lobe,
-    wandering_lobes,
-)
+from mirrorfold.tree.explaining.apertures import Aperture, apertures, beside_main_lobe, grating_lobe, wandering_lobes
 
 PAIRS = 1000, 8000
 """Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
