@@ -61,7 +61,7 @@ def arc_through(start: Array, middle: Array, end: Array, count: int = POINTS) ->
         return np.stack([start, end])
     arc = Arc.through(start, middle, end)
     angle = arc.first + arc.turn * np.linspace(0.0, 1.0, count)
-    return np.asarray(arc.center + arc.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    return arc.center + arc.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def as_three_points(places: Any) -> Any:
@@ -151,4 +151,4 @@ def _arc_in_space(start: Array, middle: Array, end: Array) -> Array:
     if np.linalg.norm(aside) <= STRAIGHT * np.linalg.norm(end - start):
         return np.stack([start, end])
     plane = np.stack([along, unit(aside)])
-    return np.asarray(start + arc_through(np.zeros(2), plane @ (middle - start), plane @ (end - start)) @ plane)
+    return start + arc_through(np.zeros(2), plane @ (middle - start), plane @ (end - start)) @ plane

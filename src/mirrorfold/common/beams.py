@@ -54,7 +54,7 @@ def beam_radius(range_: ArrayLike, *, spot_radius: float, focus_distance: float,
     wavelength : float [m]
     """
     rayleigh = np.pi * spot_radius**2 / wavelength
-    return np.asarray(spot_radius * np.hypot(1.0, (np.asarray(range_, dtype=float) - focus_distance) / rayleigh))
+    return spot_radius * np.hypot(1.0, (np.asarray(range_, dtype=float) - focus_distance) / rayleigh)
 
 
 def spread_beam(

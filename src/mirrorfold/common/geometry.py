@@ -40,7 +40,7 @@ def segment_normal(start: ArrayLike, end: ArrayLike) -> Array:
 def signed_distance(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array:
     """Distance [m] of points (..., d) from the line or plane, positive on the side of `normal`."""
     offset = np.asarray(points, dtype=float) - np.asarray(on_mirror, dtype=float)
-    return np.asarray(offset @ np.asarray(normal, dtype=float))
+    return offset @ np.asarray(normal, dtype=float)
 
 
 def reflect(points: ArrayLike, on_mirror: ArrayLike, normal: ArrayLike) -> Array:

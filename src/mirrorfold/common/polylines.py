@@ -40,7 +40,7 @@ def meets_itself(points: Array) -> Array | None:
     back = np.sum(step[:-1] * step[1:], axis=1) < 0.0
     folded = np.flatnonzero(back & (np.abs(turn) <= FOLDED * length[:-1] * length[1:]))
     if folded.size:
-        return np.asarray(points[folded[0] + 1])
+        return points[folded[0] + 1]
     # With pieces sorted along the longer axis of the polyline, a piece can only cross those that begin before it ends.
     along = np.sort(np.stack([points[:-1], points[1:]])[..., int(np.argmax(np.ptp(points, axis=0)))], axis=0)
     order = np.argsort(along[0])
@@ -67,4 +67,4 @@ def _crossing(points: Array, one: Index, other: Index) -> Array | None:
         return None
     at = crossing[0]
     share = cross2(c[at] - a[at], d[at] - c[at]) / cross2(b[at] - a[at], d[at] - c[at])
-    return np.asarray(a[at] + share * (b[at] - a[at]))
+    return a[at] + share * (b[at] - a[at])

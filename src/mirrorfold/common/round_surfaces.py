@@ -42,11 +42,11 @@ class RoundSurface:
 
     def across(self, vectors: Array) -> Array:
         """The part of vectors (..., 3) that is square to the axis; for a sphere, the vectors themselves."""
-        return np.asarray(vectors - (vectors @ self.axis)[..., None] * self.axis)
+        return vectors - (vectors @ self.axis)[..., None] * self.axis
 
     def along(self, points: Array) -> Array:
         """Coordinate of points (..., 3) along the axis, from the middle [m]; zero for a sphere."""
-        return np.asarray((points - self.middle) @ self.axis)
+        return (points - self.middle) @ self.axis
 
     def outward(self, points: Array) -> Array:
         """Unit normals (..., 3) of the surface at the places nearest to points (..., 3); zero in the middle."""
@@ -54,11 +54,11 @@ class RoundSurface:
 
     def beside(self, points: Array) -> Array:
         """Distance [m] of points (..., 3) from the surface, positive outside."""
-        return np.asarray(np.linalg.norm(self.across(points - self.middle), axis=-1) - self.radius)
+        return np.linalg.norm(self.across(points - self.middle), axis=-1) - self.radius
 
     def nearest(self, points: Array) -> Array:
         """The places (..., 3) on the surface that are nearest to points (..., 3)."""
-        return np.asarray(points - self.beside(points)[..., None] * self.outward(points))
+        return points - self.beside(points)[..., None] * self.outward(points)
 
     def met(self, origin: Array, sight: Array) -> Array:
         """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) enter the surface; NaN if they do not.
@@ -73,7 +73,7 @@ class RoundSurface:
         """Range [m] at which rays from one origin (3,) along unit vectors (n, 3) are closest to the middle or axis."""
         ahead = self.across(sight)
         square = np.maximum(np.sum(ahead**2, axis=-1), np.finfo(float).tiny)
-        return np.asarray(-(ahead @ self.across(origin - self.middle)) / square)
+        return -(ahead @ self.across(origin - self.middle)) / square
 
     def reflection(self, origin: Array, points: Array) -> tuple[Array, Mask]:
         """Places (n, 3) where the surface reflects rays from an origin (3,) to points (n, 3), and which exist (n,)."""

@@ -37,7 +37,7 @@ Coefficient = NDArray[np.complex128]
 
 def inside(permittivity: ArrayLike, angle: ArrayLike) -> Coefficient:
     """``q = sqrt(eps - sin^2 t)``: wavenumber in the slab square to its faces over that of free space, t in [rad]."""
-    return np.asarray(np.sqrt(np.asarray(permittivity, dtype=complex) - np.sin(angle) ** 2))
+    return np.sqrt(np.asarray(permittivity, dtype=complex) - np.sin(angle) ** 2)
 
 
 def fresnel(permittivity: ArrayLike, angle: ArrayLike, polarization: Polarization = "TE") -> Coefficient:
@@ -57,7 +57,7 @@ def fresnel(permittivity: ArrayLike, angle: ArrayLike, polarization: Polarizatio
     """
     cosine, within = np.cos(angle), inside(permittivity, angle)
     outside = cosine if polarization == "TE" else np.asarray(permittivity, dtype=complex) * cosine
-    return np.asarray((outside - within) / (outside + within))
+    return (outside - within) / (outside + within)
 
 
 def slab(
@@ -120,12 +120,12 @@ def _coefficients(
     """
     once = r * within * way
     passed = (1.0 - r**2) * entry * way * (1.0 / (1.0 - once**2))
-    return np.asarray(r * front - passed * once), np.asarray(passed * straight)
+    return r * front - passed * once, passed * straight
 
 
 def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
     """Length [m] by which a slab makes the way through it electrically longer, ``d (Re q - cos t)``."""
-    return np.asarray(np.asarray(thickness) * (inside(permittivity, angle).real - np.cos(angle)))
+    return np.asarray(thickness) * (inside(permittivity, angle).real - np.cos(angle))
 
 
 def shift(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
@@ -134,4 +134,4 @@ def shift(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Ar
     It is the derivative of `delay` by the angle: an array that looks through the slab sees objects shifted by as much.
     """
     within = np.maximum(inside(permittivity, angle).real, np.finfo(float).tiny)
-    return np.asarray(np.asarray(thickness) * np.sin(angle) * (1.0 - np.cos(angle) / within))
+    return np.asarray(thickness) * np.sin(angle) * (1.0 - np.cos(angle) / within)

@@ -139,7 +139,7 @@ def _origin(position: Array, range_: Array) -> Array:
     if len(position) <= position.shape[1] + 1:
         return np.zeros(2)
     system = np.column_stack([2.0 * position, -np.ones(len(position))])
-    return np.asarray(np.linalg.lstsq(system, np.sum(position**2, axis=1) - range_**2, rcond=None)[0][:2])
+    return np.linalg.lstsq(system, np.sum(position**2, axis=1) - range_**2, rcond=None)[0][:2]
 
 
 NO_BREAK = "\u00a0"

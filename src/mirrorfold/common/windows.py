@@ -19,20 +19,20 @@ TAYLOR_NBAR = 4
 
 def hann(n: int) -> NDArray[np.float64]:
     """``sin^2(pi (i + 1) / (n + 1))``, i = 0..n-1: a Hann window without its two zeros, so that every sample counts."""
-    return np.asarray(np.sin(np.pi * np.arange(1, n + 1) / (n + 1)) ** 2)
+    return np.sin(np.pi * np.arange(1, n + 1) / (n + 1)) ** 2
 
 
 def _triangular(n: int) -> NDArray[np.float64]:
     """``1 - 2/(n-1) |i - (n+1)/2|``, i = 1..n (Cui and Trichopoulos 2024)."""
     if n < 3:
         return np.ones(n)
-    return np.asarray(1.0 - 2.0 / (n - 1) * np.abs(np.arange(1, n + 1) - (n + 1) / 2.0))
+    return 1.0 - 2.0 / (n - 1) * np.abs(np.arange(1, n + 1) - (n + 1) / 2.0)
 
 
 def _taylor(n: int) -> NDArray[np.float64]:
     from scipy.signal.windows import taylor  # takes a second to import
 
-    return np.asarray(taylor(n, nbar=TAYLOR_NBAR, sll=TAYLOR_SIDE_LOBE_DB, norm=False))
+    return taylor(n, nbar=TAYLOR_NBAR, sll=TAYLOR_SIDE_LOBE_DB, norm=False)
 
 
 HANN_CELL = 2.0
@@ -82,7 +82,7 @@ def spectrum_of(weights: ArrayLike, samples: int = ENVELOPE_SAMPLES) -> NDArray[
     """Amplitude of a window's spectrum over its peak, from zero on, with so many `samples` for each inverse length."""
     weight = np.abs(np.asarray(weights))
     spectrum = np.abs(np.fft.rfft(weight, samples * weight.size))
-    return np.asarray(spectrum / spectrum[0])
+    return spectrum / spectrum[0]
 
 
 def half_amplitude_width(weights: ArrayLike) -> float:
@@ -112,4 +112,4 @@ def side_lobe_envelope(weights: ArrayLike, distance: ArrayLike) -> NDArray[np.fl
     """
     envelope = np.maximum.accumulate(spectrum_of(weights)[::-1])[::-1]
     at = np.arange(envelope.size) / ENVELOPE_SAMPLES
-    return np.asarray(np.interp(np.asarray(distance, dtype=float), at, envelope))
+    return np.interp(np.asarray(distance, dtype=float), at, envelope)

@@ -41,7 +41,7 @@ def within_rim(mirror: PlaneMirror, view: VolumeView) -> PlaneMirror:
     pad = int(np.ceil(4.0 * LEVEL_RADII * radius))
     found = np.pad(beams, pad, mode="edge")
     power = np.pad(np.where(beams, _face_power(mirror, view), 0.0), pad, mode="edge")
-    inner = np.asarray(distance_transform_edt(found) > INNER_RADII * radius)
+    inner = distance_transform_edt(found) > INNER_RADII * radius
     level, known = (gaussian_filter(part.astype(float), LEVEL_RADII * radius) for part in (power * inner, inner))
     full = gaussian_filter(power, SMOOTHED_RADII * radius) * known >= ON_EDGE * level
     steps = int(np.ceil(radius))

@@ -170,11 +170,11 @@ class VolumeView(View):
         inside = (place >= 0) & (place < self.range.size)
         place = np.clip(place, 0, self.range.size - 1)
         values = np.where(inside, beams_of(image)[azimuth[:, None], elevation[:, None], place], 0.0)
-        return np.asarray(reach * self.dr), np.asarray(values * np.exp(-2j * wavenumber * self.range[place]))
+        return np.asarray(reach * self.dr), values * np.exp(-2j * wavenumber * self.range[place])
 
     def strays(self, range_: Array) -> Array:
         """The radius of the beam at ranges [m], as an angle [rad]."""
-        return np.asarray(self.width(range_) / np.maximum(range_, self.dr))
+        return self.width(range_) / np.maximum(range_, self.dr)
 
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""

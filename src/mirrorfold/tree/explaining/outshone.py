@@ -55,7 +55,7 @@ def outshone(objects: Echoes, view: ImageView) -> Mask:
 def _outshone(objects: Echoes, view: ImageView) -> Mask:
     """As `outshone`, with the ranges of objects and view from one place along the array."""
     level, brightest = view.brightest_at(objects.range)
-    found = np.asarray(objects.amplitude < level * ratio_of(-OUTSHONE_DB))
+    found = objects.amplitude < level * ratio_of(-OUTSHONE_DB)
     aside = np.abs(view.u[objects.direction] - view.u[brightest])
     lobes = may_be_lobes(objects, view, level, aside) & (aside > RING_CELLS * view.u_cell)
     found |= _in_rings(objects, view) & (objects.amplitude <= level * ratio_of(-RING_DB))
