@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from hashlib import sha256
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -29,7 +29,7 @@ from mirrorfold.detection.search.round_sheets import find_round_sheets
 from mirrorfold.detection.views.image_to_view import to_image_view
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View
-from mirrorfold.detection.views.volume_view import to_volume_view
+from mirrorfold.detection.views.volume_view import VolumeView, to_volume_view
 from mirrorfold.errors import InputError
 
 NEAREST, MIDDLE = 0.1, 0.5
@@ -82,16 +82,17 @@ def find_echoes(
     through : sequence of Mirror, optional
         Known mirrors. Curved ones dim the echoes behind them, so that the threshold is lower there.
     """
-    found: tuple[Callable[..., Echoes], ...] = image_echoes.find_ridges, image_echoes.find_pixels
-    usual = image_echoes.THRESHOLD_DB
-    if view.dimensions == 3:
-        found, usual = (volume_echoes.find_runs, volume_echoes.find_voxels), volume_echoes.THRESHOLD_DB
-    level = usual if threshold_db is None else threshold_db
     curved = [mirror for mirror in through if mirror.curved]
-    if curved and isinstance(view, ImageView):
-        return image_echoes.find_ridges(view, threshold_db=level, gain=gains(view, curved))
-    echoes = found[published](view, threshold_db=level)
-    return dimmed(echoes, view, curved) if curved else echoes
+    if isinstance(view, ImageView):
+        level = image_echoes.THRESHOLD_DB if threshold_db is None else threshold_db
+        if published:
+            return image_echoes.find_pixels(view, threshold_db=level)
+        return image_echoes.find_ridges(view, threshold_db=level, gain=gains(view, curved) if curved else None)
+    volume = cast(VolumeView, view)
+    level = volume_echoes.THRESHOLD_DB if threshold_db is None else threshold_db
+    if published:
+        return volume_echoes.find_voxels(volume, threshold_db=level)
+    return dimmed(volume_echoes.find_runs(volume, threshold_db=level), view, curved)
 
 
 def find_mirrors(

@@ -142,7 +142,7 @@ def table_numbers(points: Points, values: Array, view: View, *, by_sweep: bool) 
 
 
 def multiply_by_mirrors(points: Points, tree: MirrorTree) -> None:
-    """Multiply the confidence of points, in place, by that of the mirrors on their way, without which they are not."""
+    """Multiply the confidence of points, in place, by that of the mirrors on their way: false ones fold wrongly."""
     for node in tree.walk():
         if node.mirror is not None:
             name = chain_name(node.chain)

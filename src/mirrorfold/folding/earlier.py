@@ -32,7 +32,7 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     check_groups(reconstruction, "initial", "objects", "mirrors")
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)
-    if shares and not (places or len(shares[1])):  # there was no sweep: it tells at least something of some echo
+    if shares and not (places or len(shares[1])):  # it was folded without a sweep, which always measures some echo
         shares = None
     vertices = np.column_stack([np.ravel(reconstruction.attrs.get(f"corner_{axis}", ())) for axis in "xy"])
 

@@ -35,7 +35,7 @@ class Measured:
     corners : callable, optional
         Which places (n, 2) [m] of the image show right-angled corners, (n,); see `misplaced.are_corners`.
     vertices : list of (c, 2) arrays [m]
-        The places that were found to be corners since `noted`.
+        The places that were found to be corners; only of measurements that `noted` has made.
     """
 
     explain: Callable[[Echoes], Names] | None = None
@@ -45,7 +45,7 @@ class Measured:
     vertices: list[Array] = field(default_factory=list)
 
     def noted(self) -> Measured:
-        """The same measurements; places that are found to be corners are noted from now on."""
+        """The same measurements, with an empty list `vertices` to which `corners` adds the places that it finds."""
         if self.corners is None:
             return self
         ask, vertices = self.corners, list[Array]()

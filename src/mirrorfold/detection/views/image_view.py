@@ -136,7 +136,9 @@ class ImageView(View):
         return found
 
     def misplaced_about(self, points: Array) -> Array:
-        """The misplaced echoes that blur places within the size of their own area of points (n, 2) [m], (m, 2)."""
+        """The misplaced echoes within twice `BLURRED_CELLS` of any of points (n, 2) [m], (m, 2): those that may blur a
+        row near these points, wherever a fit moves it.
+        """
         apart = cdist(self._misplaced_in_cells.data, self.in_cells(points) / BLURRED_CELLS, "chebyshev")
         return self.misplaced[np.any(apart <= 2.0, axis=1)]
 
@@ -311,8 +313,8 @@ class ImageView(View):
     def places_along(self) -> Array:
         """Places along the array, from its middle [m], two range cells apart or less.
 
-        Two points at one distance from any place of the array, whose u differ by one, have the same distance from the
-        nearest of these places to within a range cell.
+        If two points whose u differ by one are at the same distance from some place of the array, their distances from
+        the nearest of these places differ by at most a range cell.
         """
         count = int(np.ceil(0.25 * self.glint / self.range_cell)) if np.isfinite(self.glint) else 0
         return np.linspace(-0.5, 0.5, 2 * count + 1) * self.glint if count else np.zeros(1)
