@@ -53,7 +53,7 @@ from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarizations, polarized
 from mirrorfold.tree.kinds import find_every_kind
 from mirrorfold.tree.measured import Measured, Measurer, measured_by_sweep, no_measurements
-from mirrorfold.tree.rounds import agreed
+from mirrorfold.tree.rounds import agreed, found_and_ordered
 
 
 @takes(FocusSettings, FoldSettings)
@@ -337,5 +337,6 @@ def _find_walls(
     """
     view = view_of(normalization=chosen.normalization)
     echoes = echoes_of(chosen.normalization, chosen.threshold_db, chosen.published)
-    order, marked = agreed(view, echoes, replace(settings, generations=settings.generations or None))
+    settings = replace(settings, generations=settings.generations or None)
+    order, marked = agreed(partial(found_and_ordered, view=view, settings=settings), echoes, settings)
     return replace(echoes, strong=marked.strong, limit=marked.limit), order.face != ROOT

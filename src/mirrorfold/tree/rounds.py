@@ -75,7 +75,7 @@ def find_tree(
     measured, searched = measured or Measured(), known is None and not settings.published
     if known is not None and not len(known):  # where an empty list of mirrors is given, the image stays as it is
         settings = replace(settings, copies=False)
-    agree = partial(agreed, settings=settings, known=known, besides=besides)
+    find = partial(found_and_ordered, settings=settings, known=known, besides=besides)
     reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
     if earlier is not None:
         reasons.recall(earlier, besides)
@@ -83,10 +83,10 @@ def find_tree(
     while True:
         go_on()
         echoes = reasons.echoes
-        order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
+        order, seen = agreed(partial(find, view=view, walls=walls, overhangs=overhangs), echoes, settings)
         if measured.overhangs is not None and not (new := measured.overhangs(order, seen)).same(overhangs):
             overhangs = new
-            order, seen = agree(view, echoes, walls=walls, overhangs=overhangs)
+            order, seen = agreed(partial(find, view=view, walls=walls, overhangs=overhangs), echoes, settings)
         clear = order.sight.clear(echoes)
         rescattered = _note_causes(reasons, order, seen, clear, settings, measured)
         blurs, corners = False, np.zeros((0, 2))
@@ -238,28 +238,11 @@ class _Reasons:
         return self._every.take(explained), self._reason[explained].astype(str)
 
 
-def agreed(
-    view: View,
-    echoes: Echoes,
-    settings: FoldSettings,
-    known: Array | None = None,
-    walls: Mask | None = None,
-    besides: Sequence[Mirror] = (),
-    overhangs: Overhangs | None = None,
-) -> tuple[Order, Echoes]:
-    """Find mirrors and order them in turn, until the visible echoes no longer change: the order, and the echoes.
+def agreed(ordered: Callable[[Echoes], Order], echoes: Echoes, settings: FoldSettings) -> tuple[Order, Echoes]:
+    """Order mirrors with the echoes that the last order left visible and strong, until these no longer change.
 
     A mirror that was found in multiple scattering vanishes when its echoes turn out to be hidden by objects.
     """
-    ordered = partial(
-        _found_and_ordered, view=view, settings=settings, known=known, walls=walls, besides=besides,
-        overhangs=overhangs or Overhangs.nothing(),
-    )  # fmt: skip
-    return _until_agreed(ordered, echoes, settings)
-
-
-def _until_agreed(ordered: Callable[[Echoes], Order], echoes: Echoes, settings: FoldSettings) -> tuple[Order, Echoes]:
-    """Order mirrors with the echoes that the last order left visible and strong, until these no longer change."""
     for _ in range(MAXIMUM_ROUNDS):
         order = ordered(echoes)
         seen = order.seen(echoes) if settings.opaque else echoes
@@ -269,17 +252,18 @@ def _until_agreed(ordered: Callable[[Echoes], Order], echoes: Echoes, settings: 
     return order, seen
 
 
-def _found_and_ordered(
+def found_and_ordered(
     echoes: Echoes,
     *,
     view: View,
     settings: FoldSettings,
-    known: Array | None,
-    walls: Mask | None,
-    besides: Sequence[Mirror],
-    overhangs: Overhangs,
+    known: Array | None = None,
+    walls: Mask | None = None,
+    besides: Sequence[Mirror] = (),
+    overhangs: Overhangs | None = None,
 ) -> Order:
     """Steps 2 and 3, each once; for the arguments see `find_tree`."""
+    overhangs = overhangs or Overhangs.nothing()
     ordered = partial(order_mirrors, view=view, echoes=echoes, settings=settings, walls=walls)
     rows = echoes.take(~on_rows(besides, view, echoes))
     shortest, tested = settings.minimum_length, not settings.published
@@ -323,5 +307,5 @@ def ordered_again(view: View, echoes: Echoes, mirrors: Sequence[Mirror], setting
         order_of = partial(order_mirrors, view=view, echoes=echoes, settings=settings)
         return without_bent(order_of(mirrors), order_of)
 
-    order, seen = _until_agreed(ordered, echoes, settings)
+    order, seen = agreed(ordered, echoes, settings)
     return Found(seen, *assign_echoes(order, seen, opaque=settings.opaque), *_Reasons(seen).explained())

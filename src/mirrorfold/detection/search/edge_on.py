@@ -87,7 +87,7 @@ def edge_on(
         best, highest = None, 0.0
         for line in (line for wall in mirrors if wall is not image for line in _between(wall, image, view)):
             between = _on_faint_line(line, view)
-            contrast = _contrast(between, view)
+            contrast = between.strength / max(float(_beside(between, view)), float(np.finfo(float).tiny))
             if contrast < CONTRAST or contrast <= highest:
                 continue
             # The image is seen in a part of the mirror; the faint line shows all of it.
@@ -172,11 +172,6 @@ def _as_far_as_lit(mirror: LineMirror, view: ImageView) -> LineMirror:
     longest = max(np.split(place, np.flatnonzero(np.diff(place) > gap) + 1), key=np.ptp)
     part = longer.part(float(longest[0]), float(longest[-1]))
     return replace(part, strength=float(np.median(_levels(part, view, ON_LINE)))) if part.length else mirror
-
-
-def _contrast(mirror: LineMirror, view: ImageView) -> float:
-    """Median amplitude along the line, relative to that beside it on its brighter side."""
-    return mirror.strength / max(float(_beside(mirror, view)), float(np.finfo(float).tiny))
 
 
 def _beside(mirror: LineMirror, view: ImageView, axis: int | None = None) -> Array:

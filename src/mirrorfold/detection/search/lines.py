@@ -46,20 +46,18 @@ wall of radius R has ``R / (R + r)`` of the length, that of a point is one cell 
 DARK_CELLS, GLINT_RATIO, BESIDE_CELLS = 1.25, power_ratio_of(8.0), 4.0
 """A row of a wall ends at a gap of more than `DARK_CELLS` resolution cells, if beyond it the power is `GLINT_RATIO`
 times (8 dB) that of the wall. Both are means over `BESIDE_CELLS` cells beside the gap: a wall fades slowly, and the
-mean of four speckles strays by 2 dB. Of 595 rough walls 8 lost an end so. A wall that faces the radar may be as bright
-itself, and is not cut there."""
+mean of four speckles strays by 2 dB. A wall that faces the radar may be as bright itself, and is not cut there."""
 
 FAINTER_CELLS, FAINTER_RATIO = 1.0, power_ratio_of(-15.0)
 """Echoes over more than `FAINTER_CELLS` resolution cells do not continue a row if their mean power is less than
 `FAINTER_RATIO` (-15 dB) of the row's own: the median over its last `BESIDE_CELLS` cells, or over all of it if that is
-less. Beyond the end of a row, a beam fades by 15 dB within a cell, so that longer rows are of something else. In 37
-sweeps with 290 ends of walls, by rays and by full waves, even walls in half-shadow went on with -8.4 dB, and scattering
-among several objects, at the end of a short row, with -21.5 dB."""
+less. Beyond the end of a row, a beam fades by 15 dB within a cell, so that longer rows are of something else. At 290
+ends of walls, those in half-shadow went on with -8.4 dB, and scattering among several objects with -21.5 dB."""
 
 KEPT_SHARE = 0.75
 """Least share of a row, between the ends of the line that is fitted to the image, that this line keeps within `NEAR`:
-it turns away from the flank of a round object that passed for a straight row. Of some 230 rows in 11 corridors six had
-less, 0.41 to 0.66, and were turned by 7 to 41 degrees; all others had 0.78 or more."""
+it turns away from the flank of a round object that passed for a straight row. Of 230 rows in corridors six kept 0.41 to
+0.66, and were turned by 7 to 41 degrees; all others kept 0.78 or more."""
 
 SMALLEST_FILL = 0.55
 """Least share of its length that a mirror's echoes must fill; each fills one resolution cell along the line."""
@@ -105,8 +103,8 @@ a row over `LOBE_SPREAD`; but only in line of sight, for wide rows behind object
 
 LEAST_APART = 0.15
 """Least distance, in resolution cells, by which one part of such a row in line of sight leaves the line of the other.
-Long walls fade at their ends, into the half-shadow of another edge, and a few bright speckles there sway by 0.1 cells:
-three far walls of 20 random corridors would be cut. An object at the end of a wall left its line by 0.7 and 0.8."""
+Long walls fade at their ends, into the half-shadow of another edge, and a few bright speckles there sway by 0.1 cells.
+An object at the end of a wall left its line by 0.7 and 0.8."""
 
 SPREAD_SAMPLES = 21
 """Number of samples of the profiles from which that variance is computed."""
