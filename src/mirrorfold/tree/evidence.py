@@ -165,22 +165,25 @@ def with_rows(
         The result with the rows that are mirrors; these rows, with those of `besides`; and the rejected rows.
     """
     proved, every_row, first = list[Mirror](), list[Mirror](), found
-    find_echoes = lru_cache(1)(lambda *curved: steps.find_echoes(through=curved))  # flat mirrors dim nothing
+    # The echoes depend on the curved mirrors alone, since flat ones dim nothing.
+    find_echoes = lru_cache(1)(lambda *curved: steps.find_echoes(through=curved))
 
     def kept_of(trial: Sequence[Mirror]) -> tuple[list[Mirror], Found]:
         """Those of the rows whose evidence is enough if all are mirrors, and the result of steps 2 to 4 with them."""
-        every, tried = [*besides, *trial], found
+        every = [*besides, *trial]
         echoes = find_echoes(*(mirror for mirror in every if mirror.curved))
         kept = [row for row in trial if view.filled_cells(echoes.position[selected(view, echoes, row)]) >= fewest]
+        if len(kept) < len(trial):
+            return kept, found
         places = known_places(first, view, every)
         quick_pass = partial(steps.quick_pass, mirrors=[*_flat_besides(found, every, view), *every])
-        for step, whole in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
+        for run, is_full in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
+            tried = run(echoes=echoes)
+            seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
+            convincing = (one.cells >= fewest and is_enough(one) and (one.possible or not is_full) for one in seen)
+            kept = list(compress(trial, convincing))
             if len(kept) < len(trial):
                 break
-            tried = step(echoes=echoes)
-            seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
-            convincing = (one.cells >= fewest and is_enough(one) and (one.possible or not whole) for one in seen)
-            kept = list(compress(trial, convincing))
         return kept, tried
 
     for _ in range(2):
@@ -196,8 +199,8 @@ def with_rows(
         if len(trial) <= len(proved):
             break
         proved, found = trial, tried
-    in_vain = [row for row in every_row if not any(overlap(row, other) for other in proved)]
-    return found, [*besides, *proved], in_vain
+    rejected = [row for row in every_row if not any(overlap(row, other) for other in proved)]
+    return found, [*besides, *proved], rejected
 
 
 def known_places(found: Found, view: View, rows: Sequence[Mirror]) -> Array:
