@@ -26,7 +26,7 @@ most the share `END_SHARE` of its length, so that most of a short arc is left.""
 
 
 @dataclass(frozen=True, eq=False)
-class ArcMirror(Mirror):
+class ArcMirror(Mirror[ImageView]):
     """A part of a circle in an image.
 
     Attributes
@@ -122,7 +122,7 @@ class ArcMirror(Mirror):
         """Distance [m] of points (..., 2) from the circle, positive outside."""
         return np.linalg.norm(points - self.middle, axis=-1) - self.radius
 
-    def behind(self, view: ImageView, points: Array) -> Array:  # type: ignore[override]
+    def behind(self, view: ImageView, points: Array) -> Array:
         """How far [m] points (..., 2) lie behind the circle: inside it if it is convex, outside if it is concave."""
         return -self.beside(points) if self.convex else self.beside(points)
 
@@ -133,7 +133,7 @@ class ArcMirror(Mirror):
         near, far = circle_crossings(self.radar - self.middle, sight, self.radius)
         return near if self.convex else far
 
-    def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
+    def crossing(self, view: ImageView) -> Array:
         """Range [m] at which each direction meets the arc, (nu,); infinite where it does not."""
         range_ = self.met(view.sight)
         with np.errstate(invalid="ignore"):
@@ -182,7 +182,7 @@ class ArcMirror(Mirror):
         inside = (along >= -beyond) & (along <= self.length + beyond)
         return (np.abs(self.beside(points)) <= beside) & inside
 
-    def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+    def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:
         """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""
         outward = self.outward(self.along(echoes.position))
         across = view.extent_each(echoes.position, outward)
@@ -190,19 +190,19 @@ class ArcMirror(Mirror):
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + beyond
         return beside, beside, across
 
-    def places(self, view: ImageView) -> Array:  # type: ignore[override]
+    def places(self, view: ImageView) -> Array:
         """Places in equal steps along the arc, without its ends, (n, 2) [m]."""
         left_out = min(END_CELLS * view.cell_at(self.center), END_SHARE * self.length)
         count = max(8, int(self.length / (SPACING * view.range_cell)))
         return self.at(np.linspace(left_out, self.length - left_out, count))
 
-    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:
         """Square to the arc."""
         outward = self.outward(self.along(places))
         inward = -outward if self.convex else outward
         return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
-    def independent(self, view: ImageView) -> float:  # type: ignore[override]
+    def independent(self, view: ImageView) -> float:
         """Length of the arc in resolution cells."""
         return float(self.length / view.cell_at(self.center))
 
@@ -210,17 +210,17 @@ class ArcMirror(Mirror):
         """The same arc, shifted along `normal` until its own center is level with the point `center`."""
         return replace(self, middle=self.middle + ((center - self.center) @ normal) * normal)
 
-    def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
+    def filled(self, view: ImageView, echoes: Echoes) -> float:
         """Share of its length within half a resolution cell of one of the echoes."""
         tangent = turned(self.outward(self.along(echoes.position)))
         position, half = self.along(echoes.position), 0.5 * view.extent_each(echoes.position, tangent)
         return covered_share(position, half, self.length)
 
-    def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
+    def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:
         """Its echoes, moved square onto the arc."""
         return replace(echoes, position=self.at(np.clip(self.along(echoes.position), 0.0, self.length)))
 
-    def pieces(  # type: ignore[override]
+    def pieces(
         self, view: ImageView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[ArcMirror], list[ArcMirror]]:
         """Cut the arc where `before` changes: the largest piece, and all others."""

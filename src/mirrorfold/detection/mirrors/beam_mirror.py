@@ -26,7 +26,7 @@ FEWEST_BEAMS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class BeamMirror(Mirror):
+class BeamMirror(Mirror[VolumeView]):
     """A mirror of a raster volume.
 
     Attributes
@@ -76,11 +76,11 @@ class BeamMirror(Mirror):
         distance = float(np.linalg.norm(self.center - view.radar))
         return float(view.width(distance)) / (view.beam_step * distance)
 
-    def crossing(self, view: VolumeView) -> Array:  # type: ignore[override]
+    def crossing(self, view: VolumeView) -> Array:
         """Range [m] at which each beam meets the mirror, (beams,); infinite where it does not."""
         return np.where(self.beams, self.met(view), np.inf)
 
-    def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+    def near(self, view: VolumeView, echoes: Echoes) -> tuple[Mask, Mask, Array]:
         """Echoes in beams of which a part, up to the radius, meets the mirror; echoes in beams whose axis meets it; and
         the largest distance from the face of the echoes that are its own [m].
         """
@@ -89,11 +89,11 @@ class BeamMirror(Mirror):
         reach = view.range_cell + STRAY_DEVIATIONS * DEVIATION * across
         return wide[echoes.direction], self.beams[echoes.direction], reach
 
-    def places(self, view: VolumeView) -> Array:  # type: ignore[override]
+    def places(self, view: VolumeView) -> Array:
         """Where its beams meet it, (n, 3) [m]; not finite for a beam that misses its endless surface."""
         return view.points(self.met(view)[self.beams], np.flatnonzero(self.beams))
 
-    def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+    def profiles(self, view: VolumeView, places: Array, depth: Array) -> tuple[Array, Array]:
         """Along its beams, not square to it: a beam gathers echoes from its footprint, which is nearly symmetric about
         its axis. Depths count from where the echoes of a face have their centroid of power, see `off_axis`.
         """
@@ -110,24 +110,24 @@ class BeamMirror(Mirror):
         """
         return np.zeros(len(places))
 
-    def independent(self, view: VolumeView) -> float:  # type: ignore[override]
+    def independent(self, view: VolumeView) -> float:
         """Number of its beams, divided by the number of beams in a square of one beam radius, which see the same
         speckle.
         """
         steps = view.beside_steps(np.linalg.norm(self.places(view) - view.radar, axis=1))
         return np.count_nonzero(self.beams) / max(float(np.mean(steps**2)), 1.0)
 
-    def filled(self, view: VolumeView, echoes: Echoes) -> float:  # type: ignore[override]
+    def filled(self, view: VolumeView, echoes: Echoes) -> float:
         """Share of its beams that hold one of the echoes."""
         return float(self.beams[np.unique(echoes.direction)].sum() / max(self.beams.sum(), 1))
 
-    def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:  # type: ignore[override]
+    def snapped(self, view: VolumeView, echoes: Echoes) -> Echoes:
         """The strongest echo of each beam, moved to where the axis of the beam meets the mirror."""
         echoes = echoes.take(strongest_of(echoes.direction, echoes.amplitude))
         range_ = self.met(view)[echoes.direction]
         return replace(echoes, position=view.points(range_, echoes.direction), range=range_)
 
-    def pieces(  # type: ignore[override]
+    def pieces(
         self, view: VolumeView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[Self], list[Self]]:
         """Cut the mirror into connected sets of beams with the same `before`.

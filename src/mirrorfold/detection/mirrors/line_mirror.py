@@ -33,7 +33,7 @@ askew to the row."""
 
 
 @dataclass(frozen=True, eq=False)
-class LineMirror(Mirror):
+class LineMirror(Mirror[ImageView]):
     """A straight mirror of an image.
 
     Attributes
@@ -88,20 +88,20 @@ class LineMirror(Mirror):
         start, end = (self.start + place * self.direction for place in (first, last))
         return replace(self, start=start, end=end, overhang=overhang)
 
-    def crossing(self, view: ImageView) -> Array:  # type: ignore[override]
+    def crossing(self, view: ImageView) -> Array:
         """Range [m] at which each direction meets the mirror, (nu,); infinite where it does not."""
         range_ = view.meets(self.normal, self.center)
         with np.errstate(invalid="ignore"):
             along = self.along(view.radar + range_[:, None] * view.sight)
         return np.where((along >= -self.overhang[0]) & (along <= self.length + self.overhang[1]), range_, np.inf)
 
-    def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:  # type: ignore[override]
+    def near(self, view: ImageView, echoes: Echoes) -> tuple[Mask, Mask, Array]:
         """Echoes beside it, up to a cell past its ends, as wall and as face alike; the cell's width across it [m]."""
         along, across = view.extent(echoes.position, np.stack([self.direction, self.normal], axis=1)).T
         beside = np.abs(self.along(echoes.position) - 0.5 * self.length) <= 0.5 * self.length + along
         return beside, beside, across
 
-    def places(self, view: ImageView) -> Array:  # type: ignore[override]
+    def places(self, view: ImageView) -> Array:
         """Places in equal steps along the mirror, without its ends, (n, 2) [m].
 
         Places that echoes from elsewhere blur are left out, too, if enough others remain. The ends are left out because
@@ -120,12 +120,12 @@ class LineMirror(Mirror):
         clear = ~view.near_misplaced(row)
         return row[clear] if np.mean(clear) > CLEAR_SHARE else row
 
-    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:  # type: ignore[override]
+    def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:
         """Square to the mirror."""
         inward = np.broadcast_to(self.inward(view), places.shape)
         return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
-    def independent(self, view: ImageView) -> float:  # type: ignore[override]
+    def independent(self, view: ImageView) -> float:
         """Length of the mirror over the section of its line through a resolution cell.
 
         Where the cell lies askew to the line, this section is shorter than the extent of the cell along the line.
@@ -139,16 +139,16 @@ class LineMirror(Mirror):
         half = 0.5 * self.length * unit(self.direction - (self.direction @ normal) * normal)
         return replace(self, start=middle - half, end=middle + half)
 
-    def filled(self, view: ImageView, echoes: Echoes) -> float:  # type: ignore[override]
+    def filled(self, view: ImageView, echoes: Echoes) -> float:
         """Share of its length within half a resolution cell of one of the echoes."""
         position, half = self.along(echoes.position), 0.5 * view.extent(echoes.position, self.direction)
         return covered_share(position, half, self.length)
 
-    def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:  # type: ignore[override]
+    def snapped(self, view: ImageView, echoes: Echoes) -> Echoes:
         """Its echoes, moved square onto the line, and onto its ends if they lie beyond."""
         return replace(echoes, position=self.at(np.clip(self.along(echoes.position), 0.0, self.length)))
 
-    def pieces(  # type: ignore[override]
+    def pieces(
         self, view: ImageView, direction: Index, before: Index, smallest: float
     ) -> tuple[list[LineMirror], list[LineMirror]]:
         """Cut the mirror where `before` changes: pieces of at least the `smallest` length [m], and shorter ones.

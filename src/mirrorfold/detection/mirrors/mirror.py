@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -20,8 +20,12 @@ its wall. At 0.3 THz, building materials scatter from 1 to 3 cm deep; a material
 waves in to the same number of wavelengths."""
 
 
+V = TypeVar("V", bound=View)
+"""The kind of view in which a mirror is seen: of an image, or of a volume."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Mirror(ABC):
+class Mirror(ABC, Generic[V]):
     """A mirror, where the unfolded image shows it: a mirror that is seen through another one is a ghost itself.
 
     Attributes
@@ -70,21 +74,21 @@ class Mirror(ABC):
         """Where it begins and ends along each of its `tangents`, measured from its center, (d - 1, 2) [m]."""
 
     @abstractmethod
-    def crossing(self, view: View) -> Array:
+    def crossing(self, view: V) -> Array:
         """Range [m] at which each line of sight meets the mirror, (n,); infinite where it misses it."""
 
     @abstractmethod
-    def near(self, view: View, echoes: Echoes) -> tuple[Mask, Mask, Array]:
+    def near(self, view: V, echoes: Echoes) -> tuple[Mask, Mask, Array]:
         """Three values for each echo, (n,): whether its direction may be one of the wall; whether it may be one of the
         visible face; and the width of the resolution cell across the mirror at the echo [m].
         """
 
     @abstractmethod
-    def places(self, view: View) -> Array:
+    def places(self, view: V) -> Array:
         """Places on the mirror at which profiles of power across it are taken, (n, d) [m]."""
 
     @abstractmethod
-    def profiles(self, view: View, places: Array, depth: Array) -> tuple[Array, Array]:
+    def profiles(self, view: V, places: Array, depth: Array) -> tuple[Array, Array]:
         """Profiles of power across the mirror at places (n, d).
 
         Returns the vectors (n, d) along which they are taken, from each place to 1 m behind the face, and the power at
@@ -92,7 +96,7 @@ class Mirror(ABC):
         """
 
     @abstractmethod
-    def independent(self, view: View) -> float:
+    def independent(self, view: V) -> float:
         """Number of resolution cells along the mirror, each with a speckle of its own."""
 
     @abstractmethod
@@ -100,15 +104,15 @@ class Mirror(ABC):
         """A mirror of the same extent on another line or plane, with that normal and through that point."""
 
     @abstractmethod
-    def filled(self, view: View, echoes: Echoes) -> float:
+    def filled(self, view: V, echoes: Echoes) -> float:
         """Share of its extent that echoes on the mirror fill."""
 
     @abstractmethod
-    def snapped(self, view: View, echoes: Echoes) -> Echoes:
+    def snapped(self, view: V, echoes: Echoes) -> Echoes:
         """Its echoes, each moved onto the mirror."""
 
     @abstractmethod
-    def pieces(self, view: View, direction: Index, before: Index, smallest: float) -> tuple[list[Self], list[Self]]:
+    def pieces(self, view: V, direction: Index, before: Index, smallest: float) -> tuple[list[Self], list[Self]]:
         """Cut the mirror into pieces that are seen by way of different mirrors.
 
         `before` (n,) is the number of the mirror that the line of sight of each `direction` (n,) crossed last before
@@ -176,20 +180,20 @@ class Mirror(ABC):
         """Signed distance [m] of points (..., d) from its line or plane, positive on the side of `normal`."""
         return signed_distance(points, self.center, self.normal)
 
-    def inward(self, view: View) -> Array:
+    def inward(self, view: V) -> Array:
         """The unit normal that points away from the radar, (d,)."""
         return self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0)
 
-    def with_echoes(self, view: View, echoes: Echoes) -> Self:
+    def with_echoes(self, view: V, echoes: Echoes) -> Self:
         """The mirror with the `fill` and the `strength` that the echoes on it give; there must be at least one."""
         return replace(self, fill=self.filled(view, echoes), strength=float(np.median(echoes.amplitude)))
 
-    def own(self, view: View, echoes: Echoes) -> Mask:
+    def own(self, view: V, echoes: Echoes) -> Mask:
         """Which echoes lie on its face, to within the resolution cell across it, (n,)."""
         _, face, across = self.near(view, echoes)
         return face & (np.abs(self.beside(echoes.position)) <= across)
 
-    def behind(self, view: View, points: Array) -> Array:
+    def behind(self, view: V, points: Array) -> Array:
         """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
         return (points - self.center) @ self.inward(view)
 

@@ -99,7 +99,7 @@ class RoundMirror(BeamMirror):
         hit, normal = self.facing(points)
         return np.sum((points - hit) * normal, axis=-1)
 
-    def behind(self, view: VolumeView, points: Array) -> Array:  # type: ignore[override]
+    def behind(self, view: VolumeView, points: Array) -> Array:
         """How far [m] points (n, 3) lie behind the tangent planes that their lines of sight meet."""
         return -self.beside(points)
 
