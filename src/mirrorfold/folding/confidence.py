@@ -58,12 +58,12 @@ WEIGHTS: Weights = {
 }
 """Weights of the columns of `features`, for objects in line of sight, objects behind mirrors, and points on the faces
 of mirrors. The weighted sum is the logarithm of the odds that a point is true, if the mirrors on its way are. These are
-for echoes whose share is not known, where both arrays resolve directions. Hardly any face is then false, and 4.0 allows
-for one in fifty; behind two mirrors half of them are: mixed paths before a wall pass for the second mirror, and the
-wall is folded by one mirror too many. Of the objects that such a wall shows 0.62 are true, which -3.4 says, and -4.0
-would be the weight of faces alone. Fitted by `benchmarks/confidence.py`, where ray scenes, of four radars, and
-full-wave scenes have equal weight. The weight of 4.0 is less than the fit to ray scenes gives, 5.1, which is too sure
-in corridors that were not used for it."""
+for echoes whose share is not known, where both arrays resolve directions. Hardly any face behind one mirror is false;
+the weight 4.0 allows for one in fifty. Behind two mirrors half of the faces are false: mixed paths in front of a wall
+pass for the second mirror, and the wall is folded by one mirror too many. The weight for that, -3.4, is such that 0.62
+of the objects that these walls show are true; faces alone would give -4.0. Fitted by `benchmarks/confidence.py`, where
+ray scenes, of four radars, and full-wave scenes have equal weight. The weight of 4.0 is less than the fit to ray scenes
+gives, 5.1, which is too sure in corridors that were not used for it."""
 
 WEIGHTS_ONE_WAY: Weights = {
     "in line of sight": (-2.24, 0.14, 0.55, 0.0, 0.0, 0.0, 0.0),

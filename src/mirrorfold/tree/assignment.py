@@ -28,8 +28,8 @@ class Found(NamedTuple):
     Attributes
     ----------
     echoes : Echoes
-        Echoes from which the mirrors and their order were found. Those of the `explained` are among them that were
-        explained only afterwards, with the last order or the whole tree.
+        Echoes from which the mirrors and their order were found. Those that were `explained` afterwards, by the last
+        order or the whole tree, are among them.
     tree : MirrorTree
         The root of the tree of mirrors.
     sight : LinesOfSight

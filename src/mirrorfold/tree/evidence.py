@@ -56,7 +56,7 @@ class NewEchoes(NamedTuple):
     reach: Array
 
     def cells_at(self, others: Sequence[NewEchoes], view: View) -> int:
-        """Number of resolution cells of those of these echoes that fold to the same places as some of the others."""
+        """Number of resolution cells that hold echoes which fold to the same places as some of the `others`."""
         agrees = np.zeros(len(self.place), dtype=bool)
         for other in others:
             if len(other.place):

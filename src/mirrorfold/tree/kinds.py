@@ -58,7 +58,7 @@ def find_every_kind(
         Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
     """
     full_pass = partial(find_tree, view, settings=settings, measured=measured)
-    found, rows, bent = full_pass(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
+    found, rows, rejected = full_pass(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
     passable = settings.transparent and settings.opaque
     both = polarizations if passable else None
     if both:
@@ -72,7 +72,7 @@ def find_every_kind(
             full_pass=full_pass,
         )
         if settings.curved:
-            found, rows, bent = find_curved(found, view, steps)
+            found, rows, rejected = find_curved(found, view, steps)
         if short and isinstance(view, ImageView):
             shortest = settings.minimum_length or 0.0
             corners = measured.corners
@@ -83,5 +83,5 @@ def find_every_kind(
     if passable and not polarizations:
         found = guess_transparent(found, view, echoes, full_pass=partial(full_pass, besides=rows))
     if settings.opaque and not found.transparent_walls:
-        found = without_explained(found, view, bent)
+        found = without_explained(found, view, rejected)
     return with_doubts(found, view, both) if both else found

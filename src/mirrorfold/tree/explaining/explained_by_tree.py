@@ -25,7 +25,7 @@ from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 
-def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> Found:
+def without_explained(found: Found, view: View, rejected: Sequence[Mirror] = ()) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
     These would stand behind known walls or objects, went to and fro beside an object, or may be side lobes.
@@ -34,7 +34,7 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
     ----------
     found : Found
     view : View
-    bent : sequence of Mirror
+    rejected : sequence of Mirror
         Curved rows of echoes that were not proved to be mirrors.
     """
     longer = prolonged_where_hidden(found)
@@ -46,7 +46,7 @@ def without_explained(found: Found, view: View, bent: Sequence[Mirror] = ()) -> 
     longer, turned_back = longer | rows, to_and_fro(found, view)
     causes = (
         (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
-        (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else bent, found.sight)),
+        (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else rejected, found.sight)),
         (TO_AND_FRO, lambda node: turned_back[node.chain]),
         (REFLECTED_ON, lambda node: reflected[node.chain]),
         (OUTSHONE, lambda node: outshone(node.objects, view)),

@@ -69,7 +69,7 @@ class Overhangs:
         return np.array_equal(self.end, other.end) and np.array_equal(self.length, other.length)
 
     def on(self, mirrors: Sequence[Mirror], view: View) -> Sequence[Mirror]:
-        """The mirrors with these overhangs, each set at an end of a mirror that is within a cell of its own end."""
+        """The mirrors, each with the overhangs that are known within a resolution cell of its ends."""
         if not self.length.size:
             return mirrors
         return [self._on(one, view) if isinstance(one, LineMirror) else one for one in mirrors]
