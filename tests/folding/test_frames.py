@@ -86,31 +86,9 @@ def test_a_sweep_with_frames_is_focused_and_folded_frame_by_frame(sweep, tmp_pat
     np.testing.assert_allclose(2.0 * found["initial/initial"][0], found["initial/initial"][1], rtol=1e-4)
 
 
-@pytest.mark.slow
-def test_frames_that_are_done_are_not_done_again(recording, folded, monkeypatch):
-    from mirrorfold import reconstruction
-
-    finished, real, done = {}, reconstruction.FoldPlan.fold, []
-
-    def interrupted(self, **given):
-        if len(done) == 2:
-            raise KeyboardInterrupt
-        done.append(1)
-        return real(self, **given)
-
-    monkeypatch.setattr(reconstruction.FoldPlan, "fold", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        mf.fold(recording, finished=finished)
-    assert list(finished) == [0, 1]
-    done.clear()
-    assert_same(mf.fold(recording, finished=finished), folded)
-    assert len(done) == 1
-
-
-@pytest.mark.slow
-def test_an_interrupted_command_goes_on_where_it_was(recording, folded, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    mf.save(recording, "recording.nc")
+@pytest.fixture
+def done(monkeypatch):
+    """One entry for each frame that is folded. Ctrl-C comes before the third, unless the list is cleared."""
     from mirrorfold import reconstruction
 
     real, done = reconstruction.FoldPlan.fold, []
@@ -122,6 +100,24 @@ def test_an_interrupted_command_goes_on_where_it_was(recording, folded, tmp_path
         return real(self, **given)
 
     monkeypatch.setattr(reconstruction.FoldPlan, "fold", interrupted)
+    return done
+
+
+@pytest.mark.slow
+def test_frames_that_are_done_are_not_done_again(recording, folded, done):
+    finished = {}
+    with pytest.raises(KeyboardInterrupt):
+        mf.fold(recording, finished=finished)
+    assert list(finished) == [0, 1]
+    done.clear()
+    assert_same(mf.fold(recording, finished=finished), folded)
+    assert len(done) == 1
+
+
+@pytest.mark.slow
+def test_an_interrupted_command_goes_on_where_it_was(recording, folded, done, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    mf.save(recording, "recording.nc")
     assert main(["fold", "recording.nc", "-o", "out.nc"]) == 130
     assert "2 frames that are done are kept in out.nc.frames" in capsys.readouterr().err
     assert not (tmp_path / "out.nc").exists()
