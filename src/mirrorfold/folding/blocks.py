@@ -90,6 +90,7 @@ def blocks(
     largest_gain[1:] = np.maximum(gain[1:], gain[:-1])
 
     def fill(item: tuple[int, int]) -> None:
+        """Set the bounds of one map, given its place in the table and the number of its mirror."""
         place, number = item
         into = maps[number]
         start, heading = np.zeros(3), np.zeros((len(view.sight), 3))

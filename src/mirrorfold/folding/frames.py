@@ -213,4 +213,5 @@ def _joined(axes: list[Array]) -> Array:
 
 
 def _step(axis: Array) -> float:
+    """Mean step of an axis, in its unit; one for a single value."""
     return float(np.diff(axis).mean()) if axis.size > 1 else 1.0

@@ -75,6 +75,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     chains: list[Chain] = [() for _ in order.mirrors]
 
     def node(index: int, chain: Chain) -> MirrorTree:
+        """The part of the tree from mirror `index` on, or from the root; sets the chain of each of its mirrors."""
         children = np.flatnonzero(sight.parent == index)
         objects = echoes.take(owner == index)
         face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))

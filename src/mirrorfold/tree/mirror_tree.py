@@ -112,6 +112,7 @@ class MirrorTree:
         return json.dumps(self._plain(), indent=2)
 
     def _plain(self) -> dict[str, object]:
+        """The node and all below it as dicts and lists, for JSON."""
         line = None
         if self.mirror is not None:
             line = dict(zip(("start", "end"), self.mirror.ends.tolist(), strict=True), strength=self.mirror.strength)

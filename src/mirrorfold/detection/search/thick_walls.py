@@ -53,6 +53,7 @@ def normal_by_speckle(mirror: LineMirror, view: ImageView) -> Array | None:
     samples = (places - mirror.center) @ mirror.direction / (across * 2.0 * BEHIND / (SPECKLE_SAMPLES - 1))
 
     def unlikelihood(angle: float) -> float:
+        """The mean of ``ln m(z)`` if the line is turned by an angle [rad]."""
         shift = np.tan(angle) * samples
         whole = np.floor(shift).astype(np.intp)
         # Neighbouring profiles that are shifted by the same number of whole samples are added up before the shift.

@@ -55,6 +55,7 @@ def _ratio(waves: Waves, in_phase: float, range_: Array, u: Array) -> Array:
     ratio = np.ones(range_.size)
 
     def look(n: int) -> None:
+        """Set the ratio of one echo; it stays one where waves from farther away do not differ."""
         r = float(range_[n])
         distances = _later(r, waves)
         if not distances:
