@@ -278,7 +278,7 @@ class FoldPlan:
         report(2, 3)
         points = fold_back(found.tree, view, found.transparent_walls)
         if not settings.published:
-            points = with_confidence(points, found, measured.confocal_share)
+            points = with_confidence(points, found, measured.confocal_share, measured.corners)
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
         result = collect(self.image, found, points, settings, grid=grid, given=count, from_above=from_above)

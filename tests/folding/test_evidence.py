@@ -145,6 +145,27 @@ def test_odds_are_weighed_by_kind_and_by_what_was_measured(view):
         assert doubted.confidence[1] < 0.1 * behind
 
 
+def test_a_corner_in_line_of_sight_is_believed_although_its_wave_came_back_another_way(view):
+    """The corners that are asked about are those in line of sight of which little came back the way it went."""
+    exact = replace(WALL, angle_error=0.0, offset_error=0.0)
+    places = cells(view, (40, 2 * LONE), (44, 6 * LONE)), cells(view, (50, 0)), cells(view, (33, 0))
+    found, asked = found_of(view, *places, mirror=exact), []
+
+    def few(place, amplitude):
+        return np.array([0.2, 0.8, 0.2])
+
+    def corners(place):
+        asked.extend(place)
+        return np.ones(len(place), dtype=bool)
+
+    points = with_confidence(fold_back(found.tree), found, few, corners)
+    doubted = with_confidence(fold_back(found.tree), found, few)
+    assert_array_equal(asked, points.initial[:1])
+    assert_allclose(points.confocal, [1.0, 0.8, 0.2, np.nan])
+    assert points.confidence[0] > 50.0 * doubted.confidence[0]
+    assert_array_equal(points.confidence[1:], doubted.confidence[1:])
+
+
 @pytest.mark.parametrize("weights", TABLES, ids=["both arrays", "one array", "measured"])
 def test_what_speaks_for_a_point_makes_it_likelier(weights):
     """A lone echo at the threshold is doubted, eight cells in a row at 20 dB are believed, whatever was measured."""

@@ -18,7 +18,7 @@ from scipy.special import expit
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import unit_or_zero
-from mirrorfold.common.types import Array, Index
+from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection import ImageView, View
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import turns
@@ -96,9 +96,13 @@ OWN_ERROR = 0.3
 
 Shares = Callable[[Array, Array], Array]
 """Measures the `confocal_share` (n,) of echoes from their positions (n, d) [m] in the image and amplitudes (n,)."""
+Corners = Callable[[Array], Mask]
+"""Tells which positions (n, d) [m] in the image are those of right-angled corners, (n,)."""
 
 
-def with_confidence(points: Points, found: Found, shares: Shares | None = None) -> Points:
+def with_confidence(
+    points: Points, found: Found, shares: Shares | None = None, corners: Corners | None = None
+) -> Points:
     """The points with confidence and standard errors; appended, the echoes that do not come from where they are seen.
 
     Parameters
@@ -109,10 +113,12 @@ def with_confidence(points: Points, found: Found, shares: Shares | None = None) 
         The tree of mirrors and the echoes that the points were made of.
     shares : callable, optional
         Measures how much of the energy of each object's echo came back the way it went.
+    corners : callable, optional
+        Tells which echoes are those of right-angled corners.
     """
     view = found.sight.view
     if shares is not None:
-        points = with_confocal_shares(points, shares)
+        points = with_confocal_shares(points, shares, corners)
     error, mirror_error = errors(points, found.tree, view)
     values = features(points, view, mirror_error, over_faces(points, found.tree))
     table = table_numbers(points, values, view, by_sweep=shares is not None)
@@ -150,11 +156,19 @@ def multiply_by_mirrors(points: Points, tree: MirrorTree) -> None:
             points.confidence[points.chain == name] *= mirror_confidence(points, name)
 
 
-def with_confocal_shares(points: Points, shares: Shares) -> Points:
-    """The points with the confocal shares of objects; faces of mirrors, which are strong and straight, need none."""
+def with_confocal_shares(points: Points, shares: Shares, corners: Corners | None = None) -> Points:
+    """The points with the confocal shares of objects; faces of mirrors, which are strong and straight, need none.
+
+    A right-angled corner sends most of the wave from one leg to the other, and back from there. It is a single thing
+    even so, and in line of sight its share counts as one. Behind a mirror, the image of another corner of the room may
+    return the same wave.
+    """
     objects = points.mirror == ""
     share = np.full(len(points.initial), np.nan)
     share[objects] = shares(points.initial[objects], points.amplitude[objects])
+    if corners is not None:
+        asked = np.flatnonzero((share < OWN_SHARE) & (points.bounces == 0))
+        share[asked[corners(points.initial[asked])]] = 1.0
     return replace(points, confocal=share)
 
 
