@@ -83,5 +83,5 @@ def find_every_kind(
     if passable and not polarizations:
         found = guess_transparent(found, view, echoes, full_pass=partial(full_pass, besides=rows))
     if settings.opaque and not found.transparent_walls:
-        found = without_explained(found, view, rejected)
+        found = without_explained(found, view, rejected, measured.corners)
     return with_doubts(found, view, both) if both else found

@@ -78,6 +78,19 @@ def test_a_wall_as_weak_as_side_lobes_of_many_glints_recedes(slope, told):
     assert are_side_lobes(row, row.length, view) == told
 
 
+@pytest.mark.parametrize(("deep", "told"), [(1.5, True), (2.5, False)])
+def test_a_row_that_is_deeper_than_side_lobes_is_a_wall(deep, told):
+    """Two thirds of it are in one range cell, and as weak as side lobes."""
+    view = radar_view(np.array([[0.0, 1.0]]), np.array([1.0]))
+    glints = view.to_points(1.0 + np.arange(-4.0, 14.0) * view.range_cell, np.zeros(18))
+    view = radar_view(glints, np.full(18, 100.0))
+    u = np.linspace(10.0, 26.0, 49) * view.u_cell
+    range_ = 1.0 + deep * np.linspace(0.0, 1.0, 49) ** 3 * view.range_cell
+    row = Echoes.found(view.to_points(range_, u), range_, view.column(u), np.ones(49), np.ones(49), 0.0 * u, 0.0, 1.0)
+    assert np.mean(range_ <= 1.0 + view.range_cell) > 0.66
+    assert are_side_lobes(row, row.length, view) == told
+
+
 @pytest.mark.slow
 def test_a_row_beside_the_glint_is_side_lobes_and_one_with_the_glint_is_not(ring):
     view, echoes = ring

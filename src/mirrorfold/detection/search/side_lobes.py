@@ -19,6 +19,11 @@ LARGEST_SHARE = 0.62
 lobes, of rays and of full waves. A wall beside a glint may be as faint as side lobes in all of its length, but stands
 at many ranges: its share was 0.54 at most, where a range cell was 4 cm."""
 
+DEEPEST = 2.0
+"""Largest depth of such a row, in range cells: side lobes stand at one range, and echoes that are blurred over a cell
+to either side of it. Faint walls that would be taken for side lobes, by a share of 0.64, were 2.1 to 2.3 cells deep,
+and rows of side lobes up to 1.9."""
+
 SMALLEST_PART = 1.0 / 8.0
 """Smallest part of the array whose lobes are recognised: they are so many times higher than those of half an array.
 What a smaller part sees is eight resolution cells wide."""
@@ -33,7 +38,7 @@ def are_side_lobes(row: Echoes, weight: Array, view: ImageView) -> bool:
 
     A bright echo in the row itself does not count: a wall that faces the radar shows a glint, and stands at one range.
     """
-    if not len(row):
+    if not len(row) or np.ptp(row.range) > DEEPEST * view.range_cell:
         return False
     level, brightest = view.brightest_at(row.range)
     u, sine, reach = view.u[brightest], view.u[row.direction], EDGE_CELLS * view.u_cell

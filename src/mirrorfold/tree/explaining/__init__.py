@@ -23,6 +23,7 @@ With the whole tree, in the end (`explained_by_tree` calls them):
 * `behind_walls`: its object would stand behind a known wall.
 * `behind_objects`: its object would stand behind a known object.
 * `to_and_fro`: it went to and fro between an object and a wall or another object.
+* `in_corners`: it may be seen in a leg of a corner.
 * `reflected_on`: a flat object beside its path reflected it, and its object is known elsewhere.
 * `flanks`: it is the flank of a brighter echo that is explained.
 * `outshone`: it may be a side lobe of a much brighter echo.

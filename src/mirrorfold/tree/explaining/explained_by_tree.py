@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mirrorfold.common.types import Chain, Names
+from mirrorfold.common.types import Array, Chain, Mask, Names
 from mirrorfold.detection import ImageView, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
@@ -19,13 +19,16 @@ from mirrorfold.tree.explaining.behind_walls import (
     prolonged_where_hidden,
 )
 from mirrorfold.tree.explaining.flanks import flanks
+from mirrorfold.tree.explaining.in_corners import IN_CORNER, in_corners
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
 from mirrorfold.tree.explaining.reflected_on import REFLECTED_ON, reflected_on
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO, to_and_fro
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 
-def without_explained(found: Found, view: View, rejected: Sequence[Mirror] = ()) -> Found:
+def without_explained(
+    found: Found, view: View, rejected: Sequence[Mirror] = (), corners: Callable[[Array], Mask] | None = None
+) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
     These would stand behind known walls or objects, went to and fro beside an object, or may be side lobes.
@@ -36,6 +39,8 @@ def without_explained(found: Found, view: View, rejected: Sequence[Mirror] = ())
     view : View
     rejected : sequence of Mirror
         Curved rows of echoes that were not proved to be mirrors.
+    corners : callable, optional
+        Tells which places (n, 2) [m] of the image are vertices of corners, (n,).
     """
     longer = prolonged_where_hidden(found)
     if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them
@@ -55,6 +60,9 @@ def without_explained(found: Found, view: View, rejected: Sequence[Mirror] = ())
         node.chain: np.select([cause(node) for _, cause in causes], [reason for reason, _ in causes], "")
         for node in found.tree.walk()
     })  # fmt: skip
+    if corners is not None:
+        marks = in_corners(found, view, corners)
+        found = _without(found, {chain: np.where(seen, IN_CORNER, "") for chain, seen in marks.items()})
     found = _without(found, {node.chain: flanks(node.objects, found, view) for node in found.tree.walk()})
     # Only objects that are kept hide others.
     marks = behind_objects(found, view)

@@ -82,7 +82,7 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
         )  # fmt: skip
         for turned in _turned_at(walls, pairs, view.range_cell):
             marks[chain][later[turned]] = True
-        peak, beside = _peaks(objects[chain], view), np.zeros(len(objects[chain]), dtype=bool)
+        peak, beside = bright_echoes(objects[chain], view), np.zeros(len(objects[chain]), dtype=bool)
         for turned in _turned_beside(others, pairs, view.range_cell):
             beside[later[turned]] = True
         marks[chain] |= beside[peak]
@@ -190,7 +190,7 @@ def _face(echoes: Echoes, view: ImageView) -> tuple[Array, Array]:
     return np.concatenate([echoes.position, between]), np.append(level, np.maximum(level[one], level[other]))
 
 
-def _peaks(echoes: Echoes, view: ImageView) -> Index:
+def bright_echoes(echoes: Echoes, view: ImageView) -> Index:
     """The bright echo of which each echo is a part, (n,): the one that is reached by steps to the brightest nearby."""
     if not len(echoes):
         return np.empty(0, dtype=np.intp)

@@ -1,0 +1,46 @@
+"""Echoes of what the legs of a corner reflect, beside and behind its vertex.
+
+The legs of a corner are mirrors, as other walls are. Legs that are too short to be found as mirrors are opaque all the
+same: what the image shows behind a leg stands elsewhere, on the side of the radar. The image of the leg itself may be
+invisible, because the side lobes of the vertex outshine it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.detection import Echoes, ImageView
+from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.corners import BRIGHTER
+from mirrorfold.tree.explaining.to_and_fro import bright_echoes
+
+IN_CORNER = "may be seen in a leg of a corner"
+
+LEG_CELLS = 2.5
+"""Distance from a vertex, in resolution cells across the line of sight, up to which its side lobes may hide a leg.
+The side lobes of two arrays have fallen by 33 dB there, and a vertex is some 30 to 45 dB brighter than its legs. A
+longer leg shows itself beside the lobes, and hides what is behind it as other objects do."""
+
+
+def in_corners(found: Found, view: ImageView, corners: Callable[[Array], Mask]) -> dict[Chain, Mask]:
+    """Which object echoes of each chain of mirrors may be seen in the legs of corners, (n,) each.
+
+    They are behind a vertex that is seen by way of the same mirrors, and no brighter than the vertex. `corners` tells
+    which places (n, 2) [m] of the image are vertices of right-angled corners, (n,).
+    """
+    return {node.chain: _behind_legs(node.objects, found.echoes.threshold, view, corners) for node in found.tree.walk()}
+
+
+def _behind_legs(objects: Echoes, threshold: float, view: ImageView, corners: Callable[[Array], Mask]) -> Mask:
+    """Which of the objects that are seen by way of the same mirrors are behind the legs of corners, (n,)."""
+    peak = bright_echoes(objects, view)
+    vertices = np.unique(peak[objects.amplitude[peak] >= BRIGHTER * threshold])
+    behind = np.zeros(len(objects), dtype=bool)
+    for vertex in vertices[corners(objects.position[vertices])] if len(vertices) else ():
+        aside = np.abs(view.u[objects.direction] - view.u[objects.direction[vertex]])
+        far = objects.range > objects.range[vertex] + view.object_depth(objects.range)
+        behind |= far & (aside <= LEG_CELLS * view.u_cell) & (objects.amplitude <= objects.amplitude[vertex])
+    return behind[peak]
