@@ -23,7 +23,14 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.echoes import noise_limit
-from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
+from mirrorfold.detection.views.spectra import (
+    LONG_CELLS,
+    WHOLE_CELLS,
+    independent,
+    spectra,
+    tapers,
+    wavenumbers,
+)
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.half_transparent.doubts import passage
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
@@ -272,14 +279,17 @@ def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mir
 
 
 def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pairs: Pairs) -> Glints | None:
-    """The same echoes with the spectra of whole echoes, for the test for glints.
+    """The same echoes with the spectra of whole echoes and of long pieces, for what measures the wall.
 
     None in a scan: what a beam meets has a depth of its own there, and is no glint.
     """
     if view.dimensions != 2:
         return None
-    te, tm = (spectra(view, images[name], echoes.position, whole=True) for name in ("TE", "TM"))
-    return Glints(pairs, te, tm, tapers(images["TE"]), view.in_cells(echoes.position))
+    whole, long = (
+        np.stack([spectra(view, images[name], echoes.position, flat_cells=flat) for name in ("TE", "TM")])
+        for flat in (WHOLE_CELLS, LONG_CELLS)
+    )
+    return Glints(pairs, whole, long, tapers(images["TE"]), view.in_cells(echoes.position))
 
 
 def incidence(view: View, position: Array, mirror: Mirror) -> Array:
