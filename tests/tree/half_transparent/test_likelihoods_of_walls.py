@@ -118,3 +118,28 @@ def test_likelihoods_of_glints_and_rough_objects_are_those_of_the_formulas(pairs
         misfit = np.clip(1.0 - max(tops) / np.sum(np.abs(along) ** 2), 0.0, 1.0)
         glint = averaged(misfit, pairs.noise[n], INDEPENDENT, INDEPENDENT - 1.5)
         assert found[kind, w, n] == pytest.approx(ratio + np.logaddexp(glint, 0.0) - np.log(2.0), abs=0.02)
+
+
+def test_what_goes_to_and_fro_in_the_wall_is_lost_at_no_edge_of_a_window():
+    """A row of scatterers behind a wall tells 1 % of its thickness, though windows of one echo disturb the ratio."""
+    random, cell, eps, thickness, angle = np.random.default_rng(4), 0.025, 4.9 - 0.06j, 6.4e-3, 0.9
+    fine = 2.0 * np.pi * (122e9 + 12e9 * np.linspace(-0.5, 0.5, 241)) / 299792458.0
+    k = np.interp(np.linspace(0.08, 0.92, 21), np.linspace(0.0, 1.0, 241), fine)
+    depth = np.arange(-6.0, 6.0, 0.1) * cell
+    row = some(random, 40) @ np.exp(-2j * np.outer(random.uniform(-1.5, 1.5, 40) * cell, fine - fine.mean()))
+    row = row * np.hanning(241)
+
+    def spectra(flat, edge):
+        window = np.cos(0.5 * np.pi * np.clip((np.abs(depth) / cell - flat) / edge, 0.0, 1.0)) ** 2
+        to_depth, back = (np.exp(2j * np.outer(depth, each - fine.mean())) for each in (fine, k))
+        passed = [slab(eps, thickness, fine, angle, name)[1] ** 2 for name in POLARIZATIONS]
+        return np.stack([(window * (to_depth @ (row * wave))) @ np.conj(back) for wave in passed])[:, None]
+
+    short, whole, long = spectra(0.0, 3.0), spectra(2.0, 2.0), spectra(4.0, 2.0)
+    pairs = Pairs(*short, np.array([angle]), k, np.full(1, 1e-7), INDEPENDENT, cell)
+    taper = np.cos(np.pi * np.linspace(-0.42, 0.42, 21)) ** 2
+    found = Glints(pairs, whole, long, taper, np.zeros((1, 2)))
+    right, wrong = np.array([eps, eps, 1.02 * eps]), np.array([thickness, 1.01 * thickness, thickness])
+    passed = found.likelihoods(Walls(right, wrong, np.zeros(3)))[1, :, 0]
+    assert (passed[1:] < passed[0] - 20.0).all()
+    assert pairs.misfits(right[:1], wrong[:1])[1][0, 0] > 1e-3
