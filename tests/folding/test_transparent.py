@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.resources import files
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -86,9 +87,16 @@ def test_files_keep_it_and_one_polarization_decides_nothing(seen, folded, tmp_pa
 
 
 def test_where_the_wall_is_not_known_no_point_is_surer_than_its_side(seen, plan, monkeypatch):
-    scene = seen[0]
+    scene, cut_out, asked_about = seen[0], transparent.pairs_of, list[np.ndarray]()
+
+    def noted(view, images, echoes, mirror):
+        asked_about.append(echoes.position)
+        return cut_out(view, images, echoes, mirror)
+
+    monkeypatch.setattr(transparent, "pairs_of", noted)
     monkeypatch.setattr(transparent, "AGAINST_METAL", np.inf)
     found = plan.fold(min_confidence=0.0)
+    assert not any(np.array_equal(one, other) for one, other in pairwise(asked_about))  # nothing is cut out twice
     points = found["objects"].to_dataset(inherit=False)
     asked = points.isel(point=np.isfinite(points["passed"].values))
     assert asked.sizes["point"] > 20

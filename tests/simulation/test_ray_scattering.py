@@ -32,6 +32,15 @@ def test_single_scatterer_has_the_two_way_amplitude_and_phase() -> None:
     assert not scattered_field(bare, bounces=0, seed=3).any()
 
 
+def test_a_rough_conductor_met_once_returns_both_polarizations_alike() -> None:
+    """H of a wave that comes back has the opposite sign, be it a glint or scattered: so has all of TM."""
+    disc = {"kind": "circle", "center": (0.0, 0.4), "radius": 0.03, "roughness": ROUGH}
+    smooth = scattered_field(make_scene({**disc, "roughness": None}), bounces=0, seed=1)
+    te, tm = (scattered_field(make_scene(disc, polarization=name), bounces=0, seed=1) for name in ("TE", "TM"))
+    assert np.abs(te - smooth).max() > 0.1 * np.abs(smooth).max()  # there is a glint, and there is scattering
+    np.testing.assert_allclose(tm, -te, atol=1e-5 * np.abs(te).max())
+
+
 @pytest.mark.parametrize("rms_height", [0.01e-3, 0.1e-3, 1e-3])
 @pytest.mark.parametrize("inside", [False, True])
 def test_scattered_power_is_what_the_specular_beam_has_lost(rms_height: float, inside: bool) -> None:

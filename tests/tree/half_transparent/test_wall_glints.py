@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,9 +42,8 @@ def echoes(
         wave = sign * scatterer * np.where(passed[:, None], coefficient[1], coefficient[0]) ** 2 * TAPER
         noise = level * np.sqrt(np.mean(np.abs(wave) ** 2, axis=1))[:, None]
         found.append(wave + noise * gaussian(random, wave.shape))
-    te, tm = found
-    pairs = Pairs(te, tm, ANGLE, k, np.full(ANGLE.size, level**2), 5.0, cell)
-    return Glints(pairs, te, tm, TAPER, np.arange(ANGLE.size)[:, None] * np.array([10.0, 10.0]))
+    pairs, both = Pairs(*found, ANGLE, k, np.full(ANGLE.size, level**2), 5.0, cell), np.stack(found)
+    return Glints(pairs, both, both, TAPER, np.arange(ANGLE.size)[:, None] * np.array([10.0, 10.0]))
 
 
 @pytest.mark.slow
@@ -109,9 +110,11 @@ def test_rough_faces_dim_what_the_back_reflects_and_leave_a_smooth_wall_as_it_wa
     np.testing.assert_allclose(smooth, slab(5.79, 6e-3, K, 0.7, "TE")[0])
 
 
-def test_echoes_that_overlap_count_as_one():
+def test_echoes_that_overlap_share_one_weight_by_their_power():
     glints = echoes(5.79 - 0.17j, 6e-3)
     np.testing.assert_array_equal(glints.weight, 1.0)
-    twice = Glints(glints.pairs, glints.te, glints.tm, TAPER, np.zeros((ANGLE.size, 2)))
-    np.testing.assert_allclose(twice.weight, 1.0 / ANGLE.size)
-    assert twice.brightest(3).te.shape == (3, K.size)
+    noise = np.append(1e-2, np.full(ANGLE.size - 1, 2e-2))  # the first one is twice as bright as the others
+    at_one_place = np.zeros((ANGLE.size, 2))
+    together = replace(glints, pairs=replace(glints.pairs, noise=noise), place=at_one_place)
+    np.testing.assert_allclose(together.weight, np.append(2.0, np.ones(ANGLE.size - 1)) / (ANGLE.size + 1.0))
+    assert together.brightest(3).whole.shape == (2, 3, K.size)

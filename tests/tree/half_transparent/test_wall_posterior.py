@@ -40,9 +40,10 @@ def echoes(eps, thickness, angle, passed, seed):
         wall = slab(eps, thickness, K, angle[:, None], name, rms_height=6e-5)
         wave = level * glint * np.where(passed[:, None], wall[1], wall[0]) ** 2
         found.append(wave * (1.0 + 0.01 * deviations(random, angle.size)))
-    te, tm = found
-    pairs = Pairs(te, tm, angle, K, np.full(angle.size, 1e-5), float(VALUES), 0.025)
-    return Glints(pairs, te, tm, TAPER, np.arange(angle.size)[:, None] * np.array([10.0, 10.0]))
+    pairs = Pairs(*found, angle, K, np.full(angle.size, 1e-5), float(VALUES), 0.025)
+    return Glints(
+        pairs, np.stack(found), np.stack(found), TAPER, np.arange(angle.size)[:, None] * np.array([10.0, 10.0])
+    )
 
 
 def walls_at(phase, share):

@@ -19,16 +19,16 @@ GATE_CELLS = 3.0
 """Half-length, in range cells, of the Hann window that cuts out an echo: the echoes of a pane as thick as a cell lie
 within it."""
 
-WHOLE_CELLS = 4.0
-"""Half-length, in range cells, of the window with a flat top that cuts out a whole echo, with all that goes to and fro
-in a pane as thick as a cell. Up to half of that the window is one."""
+WHOLE_CELLS, LONG_CELLS, EDGE_CELLS = 2.0, 4.0, 2.0
+"""Half-length, in range cells, of the flat top of windows that cut out a whole echo, with all that goes to and fro in a
+pane as thick as a cell, and a long piece around the echo; and length of their edges."""
 
 SAMPLES_PER_CELL = 6
 """Samples per range cell along the line of sight."""
 
-BAND_SHARE, FREQUENCIES = 0.42, 15
-"""Largest distance of a frequency from the middle of the band, in bandwidths, and number of frequencies: near its ends,
-the taper leaves little of the band."""
+BAND_SHARE, FREQUENCIES = 0.42, 21
+"""Largest distance of a frequency from the middle of the band, in bandwidths: near its ends, the taper leaves little of
+the band. And number of frequencies: enough for the longest window."""
 
 
 def wavenumbers(image: xr.DataArray) -> Array:
@@ -46,16 +46,20 @@ def independent(view: View, image: xr.DataArray) -> float:
     return float(np.ptp(wavenumbers(image)) / np.pi * GATE_CELLS * view.range_cell)
 
 
-def spectra(view: View, image: xr.DataArray, points: Array, *, whole: bool = False) -> NDArray[np.complex128]:
+def spectra(
+    view: View, image: xr.DataArray, points: Array, *, flat_cells: float | None = None
+) -> NDArray[np.complex128]:
     """Spectra of the echoes that a complex image or volume holds at points (n, d) [m], at the `wavenumbers`, (n, m).
 
-    A `whole` echo is cut out by a window with a flat top, which leaves the shape of its spectrum as it is.
+    A window that is flat for `flat_cells` to either side leaves the shape of the spectrum as it is; by default it is
+    Hann's.
     """
     wavenumber = wavenumbers(image)
     middle = wavenumber[wavenumber.size // 2]
-    half = (WHOLE_CELLS if whole else GATE_CELLS) * view.range_cell
+    flat, edge = (0.0, GATE_CELLS) if flat_cells is None else (flat_cells, EDGE_CELLS)
+    half = (flat + edge) * view.range_cell
     depth, values = view.complex_along(image, points, half, view.range_cell / SAMPLES_PER_CELL, float(middle))
-    beyond = np.clip(2.0 * np.abs(depth) / half - 1.0, 0.0, 1.0) if whole else np.abs(depth) / half
+    beyond = np.clip((np.abs(depth) / view.range_cell - flat) / edge, 0.0, 1.0)
     turn = np.exp(-2j * np.outer(depth, wavenumber - middle))
     return (values * np.cos(0.5 * np.pi * beyond) ** 2) @ turn
 

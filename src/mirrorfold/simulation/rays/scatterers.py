@@ -16,6 +16,10 @@ Pure Appl. Math. 4, 1951).
 Fresnel's coefficient R and the coherent factor rho. *The inside* of a wall scatters back the share `VOLUME_SHARE` of
 the power that enters, ``1 - |R|^2``. In the model, waves cross the inside straight and as fast as in air: the depths of
 its scatterers are therefore those that a radar image shows.
+
+In TM, whose amplitudes are those of H, scattered waves have the opposite sign of those in TE, as reflected waves have:
+whatever of a conductor is met once, smooth or rough, returns both polarizations alike. For slight roughness this sign
+is the same at all angles, at Brewster's angle too (Rice 1951).
 """
 
 from __future__ import annotations
@@ -29,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.slabs import Polarization
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import Substance, coherent_factor, material, scattering_depth
@@ -122,8 +126,9 @@ class DiffuseLaw:
             return np.asarray(VOLUME_SHARE * (1.0 - reflected))
         return np.asarray(reflected * (1.0 - _coherent(self.surface, frequency, angle) ** 2))
 
-    def factor(self, frequency: Array, cosine: Array) -> Array:
-        """Factor of one way in ``|sigma|`` for unit length of outline, ``sqrt(cos(t) Q(t)) / (2 C)^(1/4)``.
+    def factor(self, frequency: Array, cosine: Array) -> Array | Complex:
+        """Factor of one way in ``sigma`` for unit length of outline, ``sqrt(cos(t) Q(t)) / (2 C)^(1/4)``; in TM, j
+        times that.
 
         Parameters
         ----------
@@ -133,12 +138,13 @@ class DiffuseLaw:
 
         Returns
         -------
-        (f, p) array, dimensionless
+        (f, p) array, dimensionless; complex in TM
         """
         nodes = 0.25 * np.pi * (ANGLES + 1.0)
         total = 0.25 * np.pi * (self.share(frequency, nodes) * np.cos(nodes)) @ ANGLE_WEIGHTS
         angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-        return np.asarray(np.sqrt(np.cos(angle) * self.share(frequency, angle)) / (2.0 * total[:, None]) ** 0.25)
+        found = np.sqrt(np.cos(angle) * self.share(frequency, angle)) / (2.0 * total[:, None]) ** 0.25
+        return np.asarray(1.0j * found if self.polarization == "TM" else found)
 
 
 @dataclass(frozen=True, eq=False)

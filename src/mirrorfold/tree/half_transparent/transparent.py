@@ -23,7 +23,14 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.echoes import noise_limit
-from mirrorfold.detection.views.spectra import independent, spectra, tapers, wavenumbers
+from mirrorfold.detection.views.spectra import (
+    LONG_CELLS,
+    WHOLE_CELLS,
+    independent,
+    spectra,
+    tapers,
+    wavenumbers,
+)
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.half_transparent.doubts import passage
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
@@ -140,12 +147,12 @@ def with_doubts(found: Found, view: View, images: Mapping[str, xr.DataArray]) ->
             echoes = echoes.joined(wall.echoes)
         if not len(echoes):
             continue
+        bright = echoes.take(view.brightest(echoes.position, echoes.amplitude))
+        pairs = pairs_of(view, images, bright, mirror)
         if wall is not None and wall.pane is not None:
-            bright = echoes.take(view.brightest(echoes.position, echoes.amplitude))
-            pairs = pairs_of(view, images, bright, mirror)
             passed = sorted_by(wall.pane, echoes, view, pairs, glints_of(view, images, bright, pairs))[0]
         else:
-            doubt, none = doubted(echoes, view, images, mirror), np.zeros(0, dtype=np.intp)
+            doubt, none = doubted(echoes, view, pairs, mirror), np.zeros(0, dtype=np.intp)
             passed = doubt.passed
             if wall is None:  # nothing is taken out any more
                 wall = replace(doubt, echoes=echoes.take(none), place=doubt.place[none], probability=np.zeros(0))
@@ -193,12 +200,12 @@ def look_through(
     pairs = pairs_of(view, images, echoes.take(brightest), mirror)
     pane = find_pane(pairs.take(pairs.evenly(MOST_PAIRS)))
     if pane.against_alike < EVIDENCE or pane.against_metal < AGAINST_METAL:
-        return doubted(echoes, view, images, mirror)
+        return doubted(echoes, view, pairs, mirror)
     glints = glints_of(view, images, echoes.take(brightest), pairs)
     if glints is not None:
         pane = measured_pane(glints, pane)
     if pane.evidence < EVIDENCE:
-        return doubted(echoes, view, images, mirror)
+        return doubted(echoes, view, pairs, mirror)
     passed, neither = sorted_by(pane, echoes, view, pairs, glints)
     through = passed > UNDECIDED
     # Echoes like neither kind, behind objects that passed, are multiple scattering between object and wall.
@@ -222,14 +229,13 @@ def sorted_by(pane: Pane, echoes: Echoes, view: View, pairs: Pairs, glints: Glin
     return expit(agreed_odds(view.in_cells(echoes.position[brightest]), odds))[cell], neither[cell]
 
 
-def doubted(echoes: Echoes, view: View, images: Mapping[str, xr.DataArray], mirror: Mirror) -> TransparentWall:
-    """A mirror with how likely it is that each of some echoes behind it passed through.
+def doubted(echoes: Echoes, view: View, pairs: Pairs, mirror: Mirror) -> TransparentWall:
+    """A mirror with how likely it is that each of some echoes behind it passed through; `pairs` are of the brightest.
 
     Nothing is known of a wall that may be half transparent: the echoes that more likely passed stay where they are.
     """
     brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
-    pairs, place = pairs_of(view, images, echoes.take(brightest), mirror), view.in_cells(echoes.position[brightest])
-    some = pairs.evenly(MOST_PAIRS)
+    place, some = view.in_cells(echoes.position[brightest]), pairs.evenly(MOST_PAIRS)
     window, each = passage(pairs.take(some))
     nearest = cKDTree(place[some]).query(place)[1]
     passed = (window * expit(agreed_odds(place, logit(each)[nearest], mean=True)))[cell]
@@ -273,14 +279,17 @@ def pairs_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, mir
 
 
 def glints_of(view: View, images: Mapping[str, xr.DataArray], echoes: Echoes, pairs: Pairs) -> Glints | None:
-    """The same echoes with the spectra of whole echoes, for the test for glints.
+    """The same echoes with the spectra of whole echoes and of long pieces, for what measures the wall.
 
     None in a scan: what a beam meets has a depth of its own there, and is no glint.
     """
     if view.dimensions != 2:
         return None
-    te, tm = (spectra(view, images[name], echoes.position, whole=True) for name in ("TE", "TM"))
-    return Glints(pairs, te, tm, tapers(images["TE"]), view.in_cells(echoes.position))
+    whole, long = (
+        np.stack([spectra(view, images[name], echoes.position, flat_cells=flat) for name in ("TE", "TM")])
+        for flat in (WHOLE_CELLS, LONG_CELLS)
+    )
+    return Glints(pairs, whole, long, tapers(images["TE"]), view.in_cells(echoes.position))
 
 
 def incidence(view: View, position: Array, mirror: Mirror) -> Array:

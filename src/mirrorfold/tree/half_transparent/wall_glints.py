@@ -1,16 +1,16 @@
 """A half-transparent wall, measured by the spectra of the glints behind it.
 
-The echo of a rough object has an unknown spectrum, and only its ratio of TE to TM depends on the wall (`panes`). The
-spectrum of the glint of a smooth object is known: an arc, an edge or the vertex of a corner is a point, which returns
-all frequencies alike, up to its delay and a slow power of frequency. So the spectrum of a glint shows the wall: the
-fringes of R^2 or T^2 from its front and back face, in each polarization. Every echo may be a glint or the echo of a
-rough object, of which only the ratio is used, and the wall may have reflected it or let it pass. One wall explains all
-echoes, over angle and frequency.
+Two things of every echo depend on the wall. One is the ratio of TE to TM, which an object is assumed to leave as it
+is, up to a factor near plus or minus one. It is compared where the wall has been taken out: TE is multiplied by what
+the wall does to TM, and TM by what it does to TE, before echoes are cut out, so that all that goes to and fro in the
+wall is still in place. The other is the spectrum, if the echo is a glint: an arc, an edge or the vertex of a corner is
+a point, which returns all frequencies alike, up to its delay and a slow power of frequency. So the spectrum of a glint
+shows the wall: the fringes of R^2 or T^2 from its front and back face. The wall may have reflected an echo or let it
+pass. One wall explains all echoes, over angle and frequency.
 
-The clearest glints agree with this model to 1 % of their amplitude, also where faces are rough; others are disturbed by
-their neighbours. So the error of each echo has a scale of its own. It is not known beforehand, and the likelihood is
-averaged over it (Jeffreys, Theory of Probability, 3rd ed., 1961, section 3.4): good echoes then count much, and bad
-ones little.
+The clearest echoes agree with this model to 0.1 % of their amplitude; others are disturbed by their neighbours. So the
+error of each echo has a scale of its own. It is not known beforehand, and the likelihood is averaged over it (Jeffreys,
+Theory of Probability, 3rd ed., 1961, section 3.4): good echoes then count much, and bad ones little.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ POWERS = 0.0, 0.5 * STEEPEST, STEEPEST
 """Powers of frequency that are tried."""
 
 OVERLAP = 4.0, 1.5
-"""Distance up to which the windows of echoes overlap, in range cells and beam widths: such echoes count as one."""
+"""Distance up to which the windows of echoes overlap, in range cells and beam widths: the powers of such
+echoes share one weight."""
 
 
 class Walls(NamedTuple):
@@ -64,8 +65,8 @@ class Glints:
     Attributes
     ----------
     pairs : Pairs
-    te, tm : (n, m) complex arrays
-        Spectra of whole echoes.
+    whole, long : (2, n, m) complex arrays
+        Spectra of whole echoes in TE and TM, and of long pieces around them.
     taper : (m,) array
         The window over frequency that is contained in these spectra.
     place : (n, d) array
@@ -73,29 +74,30 @@ class Glints:
     """
 
     pairs: Pairs
-    te: Spectra
-    tm: Spectra
+    whole: Spectra
+    long: Spectra
     taper: Array
     place: Array
 
     def brightest(self, most: int) -> Glints:
         """The `most` echoes that rise highest above the noise."""
         which = np.sort(np.argsort(self.pairs.noise, kind="stable")[:most])
-        return Glints(self.pairs.take(which), self.te[which], self.tm[which], self.taper, self.place[which])
+        return Glints(self.pairs.take(which), self.whole[:, which], self.long[:, which], self.taper, self.place[which])
 
     @cached_property
     def weight(self) -> Array:
-        """Weight of each echo: one over the number of echoes that overlap with it, itself included, (n,)."""
+        """Weight of each echo: its share of the power of all echoes that overlap with it, itself included, (n,)."""
         apart = np.abs(self.place[:, None] - self.place)
         near = (apart[..., 0] <= OVERLAP[0]) & (apart[..., 1:] <= OVERLAP[1]).all(axis=-1)
-        return 1.0 / near.sum(axis=1)
+        power = 1.0 / self.pairs.noise
+        return np.asarray(power / (near @ power))
 
     def likelihoods(self, walls: Walls, powers: tuple[float, ...] = POWERS, kinds: int = 2) -> Array:
         """Logarithms of the likelihoods of echoes that walls reflected, and of echoes that passed through, over that of
         arbitrary spectra, (kinds, w, n); with one of the two `kinds`, of reflected ones alone.
         """
         if powers not in self._tables:
-            self._tables[powers] = tables(self.pairs, np.stack([self.te, self.tm]), self.taper, powers)
+            self._tables[powers] = tables(self.pairs, self.whole, self.long, self.taper, powers)
         return likelihoods(*walls, self._tables[powers], kinds)
 
     @cached_property
