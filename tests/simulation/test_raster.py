@@ -103,6 +103,20 @@ def test_a_face_at_a_right_angle_returns_the_beam_to_itself(distance):
     assert np.ptp(np.angle(rest * np.conj(rest[0]))) < 1e-3
 
 
+def test_a_rough_conductor_returns_both_polarizations_alike():
+    """H of a wave that comes back has the opposite sign, be it a glint or scattered: so has all of TM."""
+    plate = panel("plate", (0.0, 2.0, 0.0), (0.0, -1.0, 0.0), 0.3, 0.3, material="pec", diffuse_fraction=0.5)
+    smooth = panel("plate", (0.0, 2.0, 0.0), (0.0, -1.0, 0.0), 0.3, 0.3, material="pec")
+    glint, te, tm = (
+        find_echoes(
+            parse_scene(content(face, half=1.0, beams=5, points=801) | {"polarization": name}), bounces=1, seed=1
+        )[0]
+        for face, name in ((smooth, "TE"), (plate, "TE"), (plate, "TM"))
+    )
+    assert len(glint.amplitude) == 1 < len(te.amplitude)  # scatterers, besides the glint
+    np.testing.assert_allclose(tm.amplitude, -te.amplitude, rtol=1e-12)
+
+
 def test_a_glint_comes_by_way_of_a_mirror_too():
     world = scene(panel("wall", (0.0, 1.5, 0.0), (-1, -1, 0), 1.0, 1.0, material="pec"),
                   panel("end", (-1.0, 1.5, 0.0), (1, 0, 0), 1.0, 1.0, material="pec"), half=3.0)  # fmt: skip

@@ -177,7 +177,8 @@ def _scatterer_amplitude(
 ) -> NDArray[np.complex128]:
     """Amplitude [m^2] of the scatterers `which` (n,) over the intensity of the beam, without losses at mirrors.
 
-    `cosine` (n,) is that of the angle between each scatterer's normal and its ray.
+    `cosine` (n,) is that of the angle between each scatterer's normal and its ray. The amplitudes of TM are those of H,
+    whose sign turns on return, as in glints: a conductor returns both polarizations alike.
     """
     share = np.zeros(len(which))
     owner, inside = speckle.owner[which], speckle.depth[which] > 0.0
@@ -185,7 +186,8 @@ def _scatterer_amplitude(
         for within in (False, True):
             here = (owner == index) & (inside == within)
             share[here] = diffuse_share(scene.surface[index], frequency, cosine[here], inside=within)
-    return speed_of_light / frequency * speckle.strength[which] * cosine * np.sqrt(share / np.pi)
+    sign = -1.0 if scene.polarization == "TM" else 1.0
+    return sign * speed_of_light / frequency * speckle.strength[which] * cosine * np.sqrt(share / np.pi)
 
 
 def _over_round(scene: Scene3D, traced: TracedScene, speckle: Speckle, face: RoundFace, frequency: float) -> Echoes3D:
