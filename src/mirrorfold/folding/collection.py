@@ -20,7 +20,8 @@ from mirrorfold.folding.points import Points
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import ITSELF, Found
 from mirrorfold.tree.explaining.half_shadows import OVERHANG_COLUMNS
-from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, DOUBTFUL, TransparentWall
+from mirrorfold.tree.half_transparent.doubts import doubtful
+from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, TransparentWall
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 FOLDED_ERRORS = "folded_angle_error", "folded_offset_error"
@@ -118,7 +119,7 @@ def _remark(
     if beyond := int(np.count_nonzero((points.caustic != "") & shown)):
         where = "1 point lies" if beyond == 1 else f"{beyond} points lie"
         said.append(f"{where} near or beyond a caustic of a concave mirror, where the image is out of focus")
-    guess, unsure = points.decided == BY_GEOMETRY, (points.passed > DOUBTFUL[0]) & (points.passed < DOUBTFUL[1])
+    guess, unsure = points.decided == BY_GEOMETRY, doubtful(points.passed)
     for which, how in (
         (guess, "is a guess from geometry, for there is one polarization"),
         (unsure & ~guess, "is doubtful, for their polarizations fit both"),

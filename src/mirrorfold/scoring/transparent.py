@@ -19,7 +19,7 @@ from mirrorfold.scenes.floor_plan import Scene
 from mirrorfold.scenes.materials import permittivity
 from mirrorfold.scenes.visibility import CHORD, facets
 from mirrorfold.scoring.floor_plans import TRUTH_SPACING
-from mirrorfold.tree.half_transparent.transparent import DOUBTFUL
+from mirrorfold.tree.half_transparent.doubts import doubtful
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.solids import Scene3D
@@ -169,11 +169,6 @@ def _shown_by_several(chain: Names, place: Array, there: Array, scene: Scene | S
     return np.zeros_like(several)
 
 
-def doubted(passed: Array) -> Mask:
-    """Which echoes are doubtful by their probability to have passed, (n,)."""
-    return (passed > DOUBTFUL[0]) & (passed < DOUBTFUL[1])
-
-
 def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> dict[str, Any]:
     """How often a reconstruction decides rightly between passed and reflected, as the facts of `SidesRight`; empty if
     it tested no echo.
@@ -183,9 +178,9 @@ def side_shares(objects: xr.Dataset, scene: Scene | Scene3D) -> dict[str, Any]:
         return {}
     passed, truth, taken, after = found.passed[asked], found.truth[asked], found.taken[asked], found.after[asked]
     through = truth & taken
-    doubtful = doubted(passed)
+    unsure = doubtful(passed)
     return {
-        "sides_right": None if doubtful.all() else float(np.mean((passed > 0.5)[~doubtful] == truth[~doubtful])),
-        "sides_doubtful": float(doubtful.mean()),
+        "sides_right": None if unsure.all() else float(np.mean((passed > 0.5)[~unsure] == truth[~unsure])),
+        "sides_doubtful": float(unsure.mean()),
         "passed_m": float(np.median(after[through])) if through.any() else None,
     }

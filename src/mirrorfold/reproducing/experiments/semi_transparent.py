@@ -29,7 +29,8 @@ from mirrorfold.reproducing.findings import Claim, Findings, Table
 from mirrorfold.reproducing.parts.scenes import random_scenes, shipped_plan
 from mirrorfold.reproducing.work import Work
 from mirrorfold.scenes.families import FAMILIES, draw, radars_of
-from mirrorfold.scoring.transparent import behind, doubted
+from mirrorfold.scoring.transparent import behind
+from mirrorfold.tree.half_transparent.doubts import doubtful
 
 if TYPE_CHECKING:
     from mirrorfold.scenes.floor_plan import Scene
@@ -159,7 +160,7 @@ def _judged(
             rightly_passed = decisions.truth & decisions.taken
             row |= {
                 "right": (decisions.taken == decisions.truth).tolist(),
-                "doubtful": doubted(decisions.passed).tolist(),
+                "doubtful": doubtful(decisions.passed).tolist(),
                 "truth": decisions.truth.tolist(),
                 "incidence_deg": np.degrees(decisions.incidence).tolist(),
                 "before_m": decisions.before[rightly_passed].tolist(),

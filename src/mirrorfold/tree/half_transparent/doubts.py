@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import expit, logsumexp
 
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.tree.half_transparent.panes import (
     BATCH,
     ECHO_DB,
@@ -23,6 +23,14 @@ from mirrorfold.tree.half_transparent.panes import (
     Pairs,
     walls_to_try,
 )
+
+DOUBTFUL = 0.1, 0.9
+"""Probabilities between which it is doubtful whether an echo passed."""
+
+
+def doubtful(passed: Array) -> Mask:
+    """Which echoes are doubtful by their probability to have passed, (n,)."""
+    return (passed > DOUBTFUL[0]) & (passed < DOUBTFUL[1])
 
 
 def passage(pairs: Pairs) -> tuple[float, Array]:

@@ -63,9 +63,6 @@ NEIGHBOURS = 1.5
 UNDECIDED = 0.5
 """Probability of an echo that is not decided."""
 
-DOUBTFUL = 0.1, 0.9
-"""Probabilities between which it is doubtful whether an echo passed."""
-
 BY_POLARIZATION, BY_GEOMETRY = "polarization", "geometry"
 """The evidence by which the echoes of a wall were sorted; geometry gives a guess only."""
 
