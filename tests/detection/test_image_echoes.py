@@ -9,10 +9,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import APERTURE, WAVELENGTH, diffuse, empty_view, radar_image, radar_view, together
 
+from mirrorfold.common.decibels import ratio_of
 from mirrorfold.detection.echoes import FALSE_ALARMS, noise_level, reference_echo
 from mirrorfold.detection.image_echoes import (
     FAINT_DB,
     THRESHOLD_DB,
+    _reference,
     find_pixels,
     find_ridges,
     noise_floor,
@@ -183,6 +185,16 @@ def test_the_reference_is_among_the_usual_echoes_and_scales_with_them(usual):
     assert reference_echo(np.concatenate([usual, np.zeros(1000)])) == reference
     assert reference_echo(np.zeros(5)) == 0.0
     assert reference_echo(np.full(9, 2.5)) == 2.5
+
+
+def test_directions_in_which_noise_hides_echoes_count_with_its_level():
+    """Glints and their lobes in twelve directions, some of a rough wall above the noise, and nothing in all others."""
+    seen = np.concatenate([np.full(12, 10.0), np.full(12, 0.6), np.zeros(276)])
+    alone = reference_echo(seen)
+    assert alone > 5.0
+    for level, expected in ((0.5 * ratio_of(THRESHOLD_DB + FAINT_DB) * alone, alone), (0.55, 0.55)):
+        assert _reference(seen, np.linspace(0.5, 1.5, 9) * level, THRESHOLD_DB) == expected
+    assert _reference(np.zeros(9), np.ones(3), THRESHOLD_DB) == 0.0
 
 
 @pytest.fixture(scope="module")

@@ -54,7 +54,7 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
     quiet, floor = noise_floor(view), view.side_lobes * ratio_of(SIDE_LOBE_MARGIN_DB)
     np.maximum(quiet[:, None], floor, out=floor)
     above = amplitude > floor
-    reference = reference_echo(np.max(amplitude, axis=0, initial=0.0, where=above))
+    reference = _reference(np.max(amplitude, axis=0, initial=0.0, where=above), quiet, threshold_db)
     threshold = reference * ratio_of(threshold_db)
     level = amplitude if gain is None else amplitude * gain
     above &= level >= threshold * ratio_of(FAINT_DB)
@@ -84,6 +84,18 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
         return echoes
     limit = threshold / gain[rows, columns]
     return replace(echoes, limit=limit, strong=found >= limit)
+
+
+def _reference(brightest: Array, quiet: Array, threshold_db: float) -> float:
+    """The `reference_echo` of an image, from the brightest echo in each direction, (nu,): zero where there is none.
+
+    Noise stays below `quiet` (nr,). Where it may hide echoes that would count, directions without echoes have the level
+    of the noise: otherwise the few glints above the noise would set the reference alone, and walls would be faint.
+    """
+    reference, hidden = reference_echo(brightest), float(np.median(quiet))
+    if hidden <= ratio_of(threshold_db + FAINT_DB) * reference:
+        return reference
+    return reference_echo(np.where(brightest > 0.0, brightest, hidden)) if reference else 0.0
 
 
 def _vertex(before: Array, at: Array, after: Array) -> Array:
