@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.geometry import crossing, reflect, segment_normal
@@ -157,14 +156,13 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
 def _shown_by_several(chain: Names, place: Array, there: Array, scene: Scene | Scene3D) -> Mask:
     """Which echoes of a floor plan two or more mirrors show, although the image shows them near an object, (n,).
 
-    By its chain, such an echo lands at a `place` (n, d) [m] no farther from a surface, which may be the wall itself,
-    than it is from the object in the image: `there` (n,) [m]. What differs by less than a range cell is as far.
+    By its chain, such an echo lands at a `place` (n, d) [m] nearer to a surface, which may be the wall itself, than it
+    is to the object in the image: `there` (n,) [m].
     """
     several = np.char.count(chain, "/") > 0
     if isinstance(scene, Scene) and several.any():
         surfaces = np.concatenate([surface.sample(TRUTH_SPACING)[0] for surface in scene.surface])
-        cell = speed_of_light / (2.0 * (scene.band.stop - scene.band.start))
-        several[several] = cKDTree(surfaces).query(place[several])[0] < there[several] + cell
+        several[several] = cKDTree(surfaces).query(place[several])[0] < there[several]
         return np.asarray(several)
     return np.zeros_like(several)
 
