@@ -93,9 +93,9 @@ def _reference(brightest: Array, quiet: Array, threshold_db: float) -> float:
     of the noise: otherwise the few glints above the noise would set the reference alone, and walls would be faint.
     """
     reference, hidden = reference_echo(brightest), float(np.median(quiet))
-    if hidden <= ratio_of(threshold_db + FAINT_DB) * reference:
+    if reference == 0.0 or hidden <= ratio_of(threshold_db + FAINT_DB) * reference:
         return reference
-    return reference_echo(np.where(brightest > 0.0, brightest, hidden)) if reference else 0.0
+    return reference_echo(np.where(brightest > 0.0, brightest, hidden))
 
 
 def _vertex(before: Array, at: Array, after: Array) -> Array:

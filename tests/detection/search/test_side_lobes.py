@@ -64,15 +64,21 @@ def test_a_row_at_one_range_is_told_from_one_that_recedes(slope, told):
     assert at_one_range(row, view, np.array([], dtype=int)).tolist() == []
 
 
-@pytest.mark.parametrize(("slope", "told"), [(0.0, True), (0.5, False)])
-def test_a_wall_as_weak_as_side_lobes_of_many_glints_recedes(slope, told):
-    """Side lobes of one glint stand at one range."""
+def row_beside_glints(range_cells):
+    """A row of 49 weak echoes, 10 to 26 cells beside 18 bright glints, so many range cells beyond 1 m: view and row."""
     view = radar_view(np.array([[0.0, 1.0]]), np.array([1.0]))
     glints = view.to_points(1.0 + np.arange(-4.0, 14.0) * view.range_cell, np.zeros(18))
     view = radar_view(glints, np.full(18, 100.0))
-    u = np.linspace(10.0, 26.0, 49) * view.u_cell
-    range_ = 1.0 + slope * (u / view.u_cell - 10.0) * view.range_cell
+    u, range_ = np.linspace(10.0, 26.0, 49) * view.u_cell, 1.0 + range_cells * view.range_cell
     row = Echoes.found(view.to_points(range_, u), range_, view.column(u), np.ones(49), np.ones(49), 0.0 * u, 0.0, 1.0)
+    return view, row
+
+
+@pytest.mark.parametrize(("slope", "told"), [(0.0, True), (0.5, False)])
+def test_a_wall_as_weak_as_side_lobes_of_many_glints_recedes(slope, told):
+    """Side lobes of one glint stand at one range."""
+    view, row = row_beside_glints(slope * np.linspace(0.0, 16.0, 49))
+    range_, u = view.to_polar(row.position)
     level, _ = view.brightest_at(range_)
     assert (view.part_lobes(level, u) > 1.0).all()
     assert are_side_lobes(row, row.length, view) == told
@@ -81,13 +87,9 @@ def test_a_wall_as_weak_as_side_lobes_of_many_glints_recedes(slope, told):
 @pytest.mark.parametrize(("deep", "told"), [(1.5, True), (2.5, False)])
 def test_a_row_that_is_deeper_than_side_lobes_is_a_wall(deep, told):
     """Two thirds of it are in one range cell, and as weak as side lobes."""
-    view = radar_view(np.array([[0.0, 1.0]]), np.array([1.0]))
-    glints = view.to_points(1.0 + np.arange(-4.0, 14.0) * view.range_cell, np.zeros(18))
-    view = radar_view(glints, np.full(18, 100.0))
-    u = np.linspace(10.0, 26.0, 49) * view.u_cell
-    range_ = 1.0 + deep * np.linspace(0.0, 1.0, 49) ** 3 * view.range_cell
-    row = Echoes.found(view.to_points(range_, u), range_, view.column(u), np.ones(49), np.ones(49), 0.0 * u, 0.0, 1.0)
-    assert np.mean(range_ <= 1.0 + view.range_cell) > 0.66
+    range_cells = deep * np.linspace(0.0, 1.0, 49) ** 3
+    view, row = row_beside_glints(range_cells)
+    assert np.mean(range_cells <= 1.0) > 0.66
     assert are_side_lobes(row, row.length, view) == told
 
 
