@@ -18,12 +18,13 @@ from scipy.special import expit
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import to_db
 from mirrorfold.common.geometry import unit_or_zero
-from mirrorfold.common.types import Array, Index, Mask
+from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import ImageView, View
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import turns
 from mirrorfold.folding.points import Points, joined
 from mirrorfold.tree.assignment import Found
+from mirrorfold.tree.explaining.corners import Corners
 from mirrorfold.tree.mirror_tree import MirrorTree, place_covariance
 from mirrorfold.tree.rounds import OWN_SHARE
 
@@ -96,8 +97,6 @@ OWN_ERROR = 0.3
 
 Shares = Callable[[Array, Array], Array]
 """Measures the `confocal_share` (n,) of echoes from their positions (n, d) [m] in the image and amplitudes (n,)."""
-Corners = Callable[[Array], Mask]
-"""Tells which positions (n, d) [m] in the image are those of right-angled corners, (n,)."""
 
 
 def with_confidence(

@@ -11,6 +11,7 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView
+from mirrorfold.tree.explaining.corners import Corners
 from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
 from mirrorfold.tree.explaining.misplaced import Known, are_corners, confocal, misplaced
 from mirrorfold.tree.explaining.waves import SweepWaves
@@ -41,7 +42,7 @@ class Measured:
     explain: Callable[[Echoes], Names] | None = None
     overhangs: Callable[[Order, Echoes], Overhangs] | None = None
     confocal_share: Callable[[Array, Array], Array] | None = None
-    corners: Callable[[Array], Mask] | None = None
+    corners: Corners | None = None
     vertices: list[Array] = field(default_factory=list)
 
     def noted(self) -> Measured:

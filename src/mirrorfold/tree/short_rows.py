@@ -9,20 +9,20 @@ a wall outshines the corner's legs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask
+from mirrorfold.common.types import ROOT, UNSEEN, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View, any_curved
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
 from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.evidence import Steps, behind, with_rows
-from mirrorfold.tree.explaining.corners import bright_places
+from mirrorfold.tree.explaining.corners import Corners, bright_places
 from mirrorfold.tree.lines_of_sight import OUTSHINES_DB
 
 SHORTEST_CELLS = 5.0
@@ -38,7 +38,7 @@ def find_short(
     steps: Steps,
     *,
     minimum_length: float,
-    corners: Callable[[Array], Mask] | None = None,
+    corners: Corners | None = None,
     besides: Sequence[Mirror] = (),
 ) -> tuple[Found, list[Mirror]]:
     """Steps 2 to 4 once more with short mirrors: the result, and the mirrors with those of `besides`.
@@ -73,9 +73,7 @@ def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
     return found
 
 
-def short_rows(
-    found: Found, view: ImageView, shortest: float, corners: Callable[[Array], Mask] | None = None
-) -> list[Mirror]:
+def short_rows(found: Found, view: ImageView, shortest: float, corners: Corners | None = None) -> list[Mirror]:
     """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror.
 
     Rows with the vertex of a corner at an end are left out: they are its legs. It is the brightest place of such a row.

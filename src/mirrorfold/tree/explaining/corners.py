@@ -8,18 +8,21 @@ image in the vertex.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import ImageView, Mirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import LARGEST_SINE
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, POINT
 from mirrorfold.tree.explaining.waves import SweepWaves
+
+Corners = Callable[[Array], Mask]
+"""Tells which places (n, 2) [m] of the image are vertices of right-angled corners, (n,)."""
 
 BRIGHTER = ratio_of(16.0)
 """Least amplitude of a vertex relative to the median of a row that leads through it: it is at least 16 dB brighter than

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mirrorfold.common.types import Array, Chain, Mask, Names
+from mirrorfold.common.types import Chain, Names
 from mirrorfold.detection import ImageView, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
@@ -18,6 +18,7 @@ from mirrorfold.tree.explaining.behind_walls import (
     flat_objects,
     prolonged_where_hidden,
 )
+from mirrorfold.tree.explaining.corners import Corners
 from mirrorfold.tree.explaining.flanks import flanks
 from mirrorfold.tree.explaining.in_corners import IN_CORNER, in_corners
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
@@ -27,7 +28,7 @@ from mirrorfold.tree.mirror_tree import MirrorTree
 
 
 def without_explained(
-    found: Found, view: View, rejected: Sequence[Mirror] = (), corners: Callable[[Array], Mask] | None = None
+    found: Found, view: View, rejected: Sequence[Mirror] = (), corners: Corners | None = None
 ) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 

@@ -7,14 +7,12 @@ invisible, because the side lobes of the vertex outshine it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from mirrorfold.common.types import Array, Chain, Mask
+from mirrorfold.common.types import Chain, Mask
 from mirrorfold.detection import Echoes, ImageView
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining.corners import BRIGHTER
+from mirrorfold.tree.explaining.corners import BRIGHTER, Corners
 from mirrorfold.tree.explaining.to_and_fro import bright_echoes
 
 IN_CORNER = "may be seen in a leg of a corner"
@@ -25,7 +23,7 @@ The side lobes of two arrays have fallen by 33 dB there, and a vertex is some 30
 longer leg shows itself beside the lobes, and hides what is behind it as other objects do."""
 
 
-def in_corners(found: Found, view: ImageView, corners: Callable[[Array], Mask]) -> dict[Chain, Mask]:
+def in_corners(found: Found, view: ImageView, corners: Corners) -> dict[Chain, Mask]:
     """Which object echoes of each chain of mirrors may be seen in the legs of corners, (n,) each.
 
     They are behind a vertex that is seen by way of the same mirrors, and no brighter than the vertex. `corners` tells
@@ -34,7 +32,7 @@ def in_corners(found: Found, view: ImageView, corners: Callable[[Array], Mask]) 
     return {node.chain: _behind_legs(node.objects, found.echoes.threshold, view, corners) for node in found.tree.walk()}
 
 
-def _behind_legs(objects: Echoes, threshold: float, view: ImageView, corners: Callable[[Array], Mask]) -> Mask:
+def _behind_legs(objects: Echoes, threshold: float, view: ImageView, corners: Corners) -> Mask:
     """Which of the objects that are seen by way of the same mirrors are behind the legs of corners, (n,)."""
     peak = bright_echoes(objects, view)
     vertices = np.unique(peak[objects.amplitude[peak] >= BRIGHTER * threshold])

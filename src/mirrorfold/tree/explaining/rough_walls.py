@@ -11,7 +11,6 @@ places that a leg of the corner looks at squarely.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy as np
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
 from mirrorfold.detection import Echoes, Fold, ImageView, any_curved
+from mirrorfold.tree.explaining.corners import Corners
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, in_image, square_distances, true_ends
 from mirrorfold.tree.ordering import Order
 
@@ -39,8 +39,6 @@ WEAKER_DB, FROM_IMAGE_CELLS = -20.0, 2.0
 """Largest level of such an echo over that of the object that it repeats; and its least distance from the object's
 mirror image, which has echoes of its own around it: in range cells behind the image, unless the echo lies in a row, or
 in resolution cells beside it."""
-
-Corners = Callable[[Array], Mask]
 
 
 def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> Mask:
