@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from scipy.special import wofz
 
 from mirrorfold.common.geometry import reflect, segment_normal, signed_distance
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.simulation.rays.outline import TOUCH, Outline
-from mirrorfold.simulation.rays.paths import EDGE, Chain, Points, trace
+from mirrorfold.simulation.rays.paths import Chain, Points, trace
+from mirrorfold.simulation.rays.penumbras import EDGE
 
 INSET = 1e-3
 """Distance [m] from the end of a mirror at which antennas must see the mirror for an edge wave: about a wavelength."""
@@ -48,6 +49,8 @@ class EdgeWaves:
         Length of the path from transmitter over the end to receiver.
     specular : (waves,) array [m]
         Length of the specular path over the line of the mirror; its specular point may lie beyond the end.
+    share : (waves,) complex array
+        Share of the amplitude that arrives, see `ChainPaths`.
     sign : (waves,) array
         -1 where the specular point lies on the mirror's side of the end, +1 beyond the end, and 0 on the end itself,
         where the specular path has a half of its amplitude.
@@ -64,6 +67,7 @@ class EdgeWaves:
     rx: NDArray[np.intp]
     length: Array
     specular: Array
+    share: Complex
     sign: Array
     tx_cosine: Array
     rx_cosine: Array
@@ -119,6 +123,7 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
         rx=back.antenna[rx],
         length=np.linalg.norm(source - edge, axis=-1) + np.linalg.norm(target - edge, axis=-1),
         specular=specular,
+        share=there.share[tx] * back.share[rx],
         sign=np.where(np.abs(foot) < EDGE, 0.0, -np.sign(foot)),
         tx_cosine=there.cosine[:, tx],
         rx_cosine=back.cosine[:, rx],
@@ -136,10 +141,10 @@ def _inner_side(facet: int, edge: Array, normal: Array, outline: Outline) -> flo
 
 
 def edge_factor(waves: EdgeWaves, wavelength: Array) -> NDArray[np.complex128]:
-    """``sign G(v) sqrt(2 / (L + l))`` at wavelengths [m] (n, 1), shape (n, waves).
+    """``share sign G(v) sqrt(2 / (L + l))`` at wavelengths [m] (n, 1), shape (n, waves).
 
     The Fresnel integral is an error function, ``G(v) = exp(z^2) erfc(z) / 2`` with ``z = sqrt(j pi / 2) v``.
     """
     v = np.sqrt(4.0 * np.maximum(waves.length - waves.specular, 0.0) / wavelength)
     z = np.sqrt(0.5j * np.pi) * v
-    return np.asarray(waves.sign * 0.5 * wofz(1j * z) * np.sqrt(2.0 / (waves.length + waves.specular)))
+    return np.asarray(waves.share * waves.sign * 0.5 * wofz(1j * z) * np.sqrt(2.0 / (waves.length + waves.specular)))

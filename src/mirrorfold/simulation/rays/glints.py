@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
-from mirrorfold.common.types import Array
-from mirrorfold.simulation.rays.outline import Outline
-from mirrorfold.simulation.rays.paths import Chain, Points, follow, trace
+from mirrorfold.common.types import Array, Complex
+from mirrorfold.simulation.rays.outline import Obstacles, Outline
+from mirrorfold.simulation.rays.paths import Chain, ChainTables, Points, follow, trace
 
 NODES = 64
 """Number of intervals on an arc: in each of them a change of sign of the slope of the path length is looked for."""
@@ -42,8 +42,8 @@ class Glints:
         Numbers of transmitter and receiver.
     length : (glints,) array [m]
         Length of the whole path.
-    share : (glints,) array
-        Share of the amplitude: 1, or less for a path along the edge of a beam.
+    share : (glints,) complex array
+        Share of the amplitude: 1, or less in the penumbra of an edge.
     spreading : (glints,) array [m]
         The q of geometrical optics; negative behind a caustic.
     legs : (glints,) array [m^2]
@@ -59,7 +59,7 @@ class Glints:
     tx: NDArray[np.intp]
     rx: NDArray[np.intp]
     length: Array
-    share: Array
+    share: Complex
     spreading: Array
     legs: Array
     end_cosine: Array
@@ -87,7 +87,7 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, outline: Outline) -> Gl
     outline : Outline
     """
     shape = (tx_chain.images.shape[1], rx_chain.images.shape[1], MOST_SPECULAR_POINTS)
-    share, distance = np.zeros(shape), np.empty((*shape, 2))
+    share, distance = np.zeros(shape, np.complex64), np.empty((*shape, 2))
     cosine, convex = np.empty(shape), np.empty(shape)
     tx_cosine = np.empty((*shape, len(tx_chain.facets)))
     rx_cosine = np.empty((*shape, len(rx_chain.facets)))
@@ -100,14 +100,9 @@ def glints(arc: Array, tx_chain: Chain, rx_chain: Chain, outline: Outline) -> Gl
         arc,
         angles,
         *slopes,
-        tx_chain.images,
-        tx_chain.window,
-        tx_chain.mirrors,
-        rx_chain.images,
-        rx_chain.window,
-        rx_chain.mirrors,
-        outline.shades,
-        outline.arcs,
+        tx_chain.tables,
+        rx_chain.tables,
+        outline.obstacles,
         share,
         distance,
         cosine,
@@ -184,15 +179,10 @@ def _glints(
     angles: Array,
     tx_slope: Array,
     rx_slope: Array,
-    tx_images: Array,
-    tx_window: Array,
-    tx_mirrors: Array,
-    rx_images: Array,
-    rx_window: Array,
-    rx_mirrors: Array,
-    facets: Array,
-    arcs: Array,
-    share: Array,
+    tx_chain: ChainTables,
+    rx_chain: ChainTables,
+    obstacles: Obstacles,
+    share: NDArray[np.complex64],
     distance: Array,
     cosine: Array,
     convex: Array,
@@ -206,6 +196,7 @@ def _glints(
 
     The share stays 0 where there is no glint.
     """
+    tx_images, rx_images = tx_chain[0], rx_chain[0]
     for n in range(first, last):
         ax, ay = tx_images[-1, n, 0], tx_images[-1, n, 1]
         for m in range(rx_images.shape[1]):
@@ -223,14 +214,10 @@ def _glints(
                 # If the two images are on different sides, the path leads through the arc and is no reflection.
                 if above_a * above_b <= 0.0:
                     continue
-                share_a, to_a = follow(
-                    x, y, -1, n, tx_images, tx_window, tx_mirrors, facets, arcs, tx_cosine[n, m, count]
-                )
+                share_a, to_a = follow(x, y, -1, n, tx_chain, obstacles, -1, tx_cosine[n, m, count])
                 if share_a == 0.0:
                     continue
-                share_b, to_b = follow(
-                    x, y, -1, m, rx_images, rx_window, rx_mirrors, facets, arcs, rx_cosine[n, m, count]
-                )
+                share_b, to_b = follow(x, y, -1, m, rx_chain, obstacles, -1, rx_cosine[n, m, count])
                 if share_b == 0.0:
                     continue
                 share[n, m, count] = share_a * share_b

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import speed_of_light
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
@@ -23,6 +24,10 @@ from mirrorfold.scenes.surfaces import Arc, Circle, Polyline, Segment
 TOUCH = 1e-6
 """An outline within this distance [m] of the end of a ray does not block the ray, as the end lies on the outline: a
 thousandth of a wavelength at 300 GHz, and far above the rounding of coordinates."""
+
+
+Obstacles = tuple[Array, Array, Array, float]
+"""The `shades`, the `arcs`, the `beyond` and the `wavelength` of an `Outline`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +44,25 @@ class Outline:
         Number of the surface of the scene that each obstacle belongs to.
     slabs : tuple of int
         Numbers of the facets of half-transparent walls: they are mirrors, but block no ray.
+    wavelength : float [m]
+        Wavelength in the penumbras of shadows and mirrors, see `penumbras`; 0 if all edges are sharp.
     """
 
     facets: Array
     arcs: Array
     surface: NDArray[np.int64]
     slabs: tuple[int, ...] = ()
+    wavelength: float = 0.0
+
+    @cached_property
+    def obstacles(self) -> Obstacles:
+        """The obstacles as kernels take them."""
+        return self.shades, self.arcs, self.beyond, self.wavelength
+
+    @property
+    def sharp_obstacles(self) -> Obstacles:
+        """The same without penumbras."""
+        return self.shades, self.arcs, self.beyond, 0.0
 
     @cached_property
     def shades(self) -> Array:
@@ -55,9 +73,20 @@ class Outline:
         shades[list(self.slabs)] = np.nan
         return shades
 
+    @cached_property
+    def beyond(self) -> Array:
+        """Far ends of the facets that continue each facet beyond its start and its end, (f, 2, 2) [m]; NaN for none."""
+        found = np.full((len(self.facets), 2, 2), np.nan)
+        for i, facet in enumerate(self.facets):
+            for other in np.delete(self.facets, i, axis=0):
+                apart = np.linalg.norm(facet[:, None] - other, axis=-1) < TOUCH
+                for end, of_other in zip(*np.nonzero(apart), strict=True):
+                    found[i, end] = other[1 - of_other]
+        return found
 
-def outline_of(scene: Scene) -> Outline:
-    """The outline of a two-dimensional scene.
+
+def outline_of(scene: Scene, *, penumbras: bool = False) -> Outline:
+    """The outline of a two-dimensional scene, with penumbras at the middle of its band if these are wanted.
 
     Raises
     ------
@@ -94,6 +123,7 @@ def outline_of(scene: Scene) -> Outline:
         arcs=np.array([arc for _, arc in arcs]).reshape(-1, 5),
         surface=np.array([index for index, _ in [*facets, *arcs]], dtype=np.int64),
         slabs=tuple(np.flatnonzero(thick).tolist()),
+        wavelength=speed_of_light / scene.band.middle if penumbras else 0.0,
     )
 
 
@@ -131,7 +161,7 @@ def _arcs_overlap(arc: Array, others: Array) -> Array:
 
 
 @njit(error_model="numpy", nogil=True)
-def _crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -> int:
+def crossings_facet(px: float, py: float, qx: float, qy: float, facet: Array) -> int:
     """How often (0 or 1) the segment p -> q crosses a facet, its ends included; touching at p or q is no crossing."""
     ax, ay = facet[0, 0], facet[0, 1]
     sx, sy = facet[1, 0] - ax, facet[1, 1] - ay
@@ -186,9 +216,15 @@ def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Ar
         this obstacle is; -1 for none.
     """
     for i in range(facets.shape[0]):
-        if _crossings_facet(px, py, qx, qy, facets[i]) != (1 if i == enclosing_face else 0):
+        if crossings_facet(px, py, qx, qy, facets[i]) != (1 if i == enclosing_face else 0):
             return True
-    for i in range(arcs.shape[0]):
-        if _crossings_arc(px, py, qx, qy, arcs[i]) != (1 if facets.shape[0] + i == enclosing_face else 0):
+    return shadowed_by_arcs(px, py, qx, qy, arcs, enclosing_face - facets.shape[0])
+
+
+@njit(error_model="numpy", nogil=True)
+def shadowed_by_arcs(px: float, py: float, qx: float, qy: float, arcs: Array, enclosing: int) -> bool:
+    """Whether an arc blocks the straight segment p -> q, which has to cross the arc `enclosing` once, if not below 0."""
+    for i in range(arcs.shape[0]):  # noqa: SIM110 - Numba compiles no generators
+        if _crossings_arc(px, py, qx, qy, arcs[i]) != (1 if i == enclosing else 0):
             return True
     return False

@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 from mirrorfold.common.geometry import cross2, reflect, segment_normal, signed_distance
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
-from mirrorfold.common.types import Array
-from mirrorfold.simulation.rays.outline import TOUCH, Outline, shadowed
-
-EDGE = 1e-9
-"""Distance [m] from the end of a window within which a path counts as grazing that end; above the rounding of
-coordinates."""
+from mirrorfold.common.types import Array, Complex
+from mirrorfold.simulation.rays.outline import TOUCH, Obstacles, Outline, shadowed
+from mirrorfold.simulation.rays.penumbras import EDGE, let_through, through_mirror
 
 PROBES = 1024
 """Number of sample points on the windows of all antennas together, which decide whether any part of a mirror is seen.
 They are staggered from antenna to antenna: no gap wider than about a thousandth of a window is missed."""
+
+
+ChainTables = tuple[Array, Array, Array, NDArray[np.int64]]
+"""The `images`, the `window` and the `mirrors` of a `Chain`, and its `facets` as an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,11 @@ class Chain:
     def count(self) -> int:
         """Number of antennas."""
         return int(self.images.shape[1])
+
+    @property
+    def tables(self) -> ChainTables:
+        """Images, windows, mirrors and their numbers, as kernels take them."""
+        return self.images, self.window, self.mirrors, np.array(self.facets, dtype=np.int64)
 
     def of(self, antennas: NDArray[np.intp]) -> Chain:
         """The same chain from some of the antennas only."""
@@ -133,7 +139,7 @@ def _extend(chain: Chain, facet: int, outline: Outline) -> Chain | None:
     first, last = np.where(lit, first, 0.0), np.where(lit, last, 0.0)
     ends = start + np.stack([first, last], axis=1)[..., None] * (end - start)
     window = np.where(lit[:, None, None], ends, np.nan)
-    if not _seen_by_any(window, chain.images, chain.window, chain.mirrors, outline.shades, outline.arcs):
+    if not _seen_by_any(window, chain.tables, outline.sharp_obstacles):
         return None
     return Chain(
         facets=(*chain.facets, facet),
@@ -174,63 +180,97 @@ def follow(
     py: float,
     enclosing_face: int,
     antenna: int,
-    images: Array,
-    window: Array,
-    mirrors: Array,
-    facets: Array,
-    arcs: Array,
+    chain: ChainTables,
+    obstacles: Obstacles,
+    sharp: int,
     cosines: Array,
-) -> tuple[float, float]:
+) -> tuple[complex, float]:
     """Share of the amplitude that arrives, and length [m], of the path from an antenna over a chain to the point p.
 
-    The share is 0 where p is not seen. It is 1/2 where the path grazes the end of the window, since the field on the
-    edge of a beam is half of that inside. For example, every monostatic path in a dihedral corner passes its vertex,
-    and each of the two orders of reflection then contributes a half.
+    The share is 0 where p is not seen, and that of `penumbras` at the edges of shadows and mirrors. Where the obstacles
+    have the wavelength 0, all these edges are sharp; otherwise the ends of the mirror at place `sharp` of the chain are
+    (-1 for none). It is 1/2 where the path grazes a sharp end, since the field on the edge of a beam is half of that
+    inside. For example, every monostatic path in a dihedral corner passes its vertex, and each of the two orders of
+    reflection then contributes a half.
 
     The folded path is followed back from p: each leg runs towards the next image, up to the mirror of that image.
     ``cosines[i]`` receives the cosine of the angle of incidence on mirror i.
     """
+    images, window, mirrors, numbers = chain
+    facets, arcs, beyond, wavelength = obstacles
     bounces = mirrors.shape[0]
     ix, iy = images[bounces, antenna, 0], images[bounces, antenna, 1]
-    dx, dy = ix - px, iy - py
-    length = np.sqrt(dx * dx + dy * dy)
-    share = 1.0
-    if bounces > 0:
-        ax, ay = window[antenna, 0, 0], window[antenna, 0, 1]
-        sx, sy = window[antenna, 1, 0] - ax, window[antenna, 1, 1] - ay
-        denominator = dx * sy - dy * sx
-        along_ray = ((ax - px) * sy - (ay - py) * sx) / denominator
-        # A point on the last mirror, or on the same side of it as the image, is not seen in it.
-        if not TOUCH < along_ray * length < length - TOUCH:
-            return 0.0, length
-        along_window = ((ax - px) * dy - (ay - py) * dx) / denominator
-        end = EDGE / np.sqrt(sx * sx + sy * sy)
-        if not -end < along_window < 1.0 + end:
-            return 0.0, length
-        if not end < along_window < 1.0 - end:
-            share = 0.5
-    x, y = px, py
+    length = np.sqrt((ix - px) ** 2 + (iy - py) ** 2)
+    share = 1.0 + 0.0j
+    if bounces > 0 and wavelength == 0.0:
+        share *= _within(px, py, ix, iy, window[antenna])
+        if share == 0.0:
+            return 0.0j, length
+    x, y, gone, last = px, py, 0.0, -1
     for level in range(bounces, 0, -1):
-        ax, ay = mirrors[level - 1, 0, 0], mirrors[level - 1, 0, 1]
-        sx, sy = mirrors[level - 1, 1, 0] - ax, mirrors[level - 1, 1, 1] - ay
+        mirror = mirrors[level - 1]
         dx, dy = images[level, antenna, 0] - x, images[level, antenna, 1] - y
-        denominator = dx * sy - dy * sx
+        left = np.sqrt(dx * dx + dy * dy)
+        ux, uy = dx / left, dy / left
+        ax, ay = mirror[0, 0], mirror[0, 1]
+        sx, sy = mirror[1, 0] - ax, mirror[1, 1] - ay
+        denominator = ux * sy - uy * sx
         along_ray = ((ax - x) * sy - (ay - y) * sx) / denominator
-        cosines[level - 1] = abs(denominator) / np.sqrt((dx * dx + dy * dy) * (sx * sx + sy * sy))
-        hit_x, hit_y = x + along_ray * dx, y + along_ray * dy
-        if shadowed(x, y, hit_x, hit_y, facets, arcs, enclosing_face):
-            return 0.0, length
-        x, y = hit_x, hit_y
+        cosines[level - 1] = abs(denominator) / np.sqrt(sx * sx + sy * sy)
+        if wavelength > 0.0:
+            # A point on the mirror, or on the same side of it as the image, is not seen in it.
+            if not TOUCH < along_ray < left - TOUCH:
+                return 0.0j, length
+            if level - 1 == sharp:
+                share *= _within(x, y, images[level, antenna, 0], images[level, antenna, 1], mirror)
+            else:
+                share *= through_mirror(x, y, ux, uy, gone, length, mirror, beyond[numbers[level - 1]], wavelength)
+            if share == 0.0:
+                return 0.0j, length
+        hit_x, hit_y = x + along_ray * ux, y + along_ray * uy
+        if wavelength > 0.0:
+            number = numbers[level - 1]
+            share *= let_through(
+                x, y, hit_x, hit_y, gone, length, last, number, facets, beyond, arcs, enclosing_face, wavelength
+            )
+            last = number
+        elif shadowed(x, y, hit_x, hit_y, facets, arcs, enclosing_face):
+            share = 0.0j
+        if share == 0.0:
+            return 0.0j, length
+        x, y, gone = hit_x, hit_y, gone + along_ray
         enclosing_face = -1
-    if shadowed(x, y, images[0, antenna, 0], images[0, antenna, 1], facets, arcs, enclosing_face):
-        return 0.0, length
+    ox, oy = images[0, antenna, 0], images[0, antenna, 1]
+    if wavelength > 0.0:
+        share *= let_through(x, y, ox, oy, gone, length, last, -1, facets, beyond, arcs, enclosing_face, wavelength)
+    elif shadowed(x, y, ox, oy, facets, arcs, enclosing_face):
+        share = 0.0j
     return share, length
 
 
+@njit(error_model="numpy", nogil=True)
+def _within(px: float, py: float, ix: float, iy: float, window: Array) -> float:
+    """Whether the line from the point p to an image leads through the window (2, 2): 1 or 0, and 1/2 on its end."""
+    dx, dy = ix - px, iy - py
+    length = np.sqrt(dx * dx + dy * dy)
+    ax, ay = window[0, 0], window[0, 1]
+    sx, sy = window[1, 0] - ax, window[1, 1] - ay
+    denominator = dx * sy - dy * sx
+    along_ray = ((ax - px) * sy - (ay - py) * sx) / denominator
+    # A point on the last mirror, or on the same side of it as the image, is not seen in it.
+    if not TOUCH < along_ray * length < length - TOUCH:
+        return 0.0
+    along_window = ((ax - px) * dy - (ay - py) * dx) / denominator
+    end = EDGE / np.sqrt(sx * sx + sy * sy)
+    if not -end < along_window < 1.0 + end:
+        return 0.0
+    return 1.0 if end < along_window < 1.0 - end else 0.5
+
+
 @njit(makes_arrays=True, error_model="numpy", nogil=True)
-def _seen_by_any(next_window: Array, images: Array, window: Array, mirrors: Array, facets: Array, arcs: Array) -> bool:
+def _seen_by_any(next_window: Array, chain: ChainTables, obstacles: Obstacles) -> bool:
     """Whether any antenna sees a sample point of its window on the next mirror over the chain."""
-    scratch = np.empty(mirrors.shape[0])
+    scratch = np.empty(chain[2].shape[0])
     antennas = next_window.shape[0]
     probes = PROBES // antennas + 1
     for probe in range(-2, probes):
@@ -241,7 +281,7 @@ def _seen_by_any(next_window: Array, images: Array, window: Array, mirrors: Arra
             u = probe + 2.0 if probe < 0 else (probe + (n + 0.5) / antennas) / probes
             x = next_window[n, 0, 0] + u * (next_window[n, 1, 0] - next_window[n, 0, 0])
             y = next_window[n, 0, 1] + u * (next_window[n, 1, 1] - next_window[n, 0, 1])
-            if follow(x, y, -1, n, images, window, mirrors, facets, arcs, scratch)[0] > 0.0:
+            if follow(x, y, -1, n, chain, obstacles, -1, scratch)[0] != 0.0:
                 return True
     return False
 
@@ -255,8 +295,8 @@ class ChainPaths:
     antenna, point : (paths,) arrays of int
         Numbers of the antenna and of the point that each path connects.
     length : (paths,) array [m]
-    share : (paths,) array
-        Share of the amplitude: 1, or 1/2 for a path along the edge of a beam.
+    share : (paths,) complex array
+        Share of the amplitude: 1, less in the penumbra of an edge, or 1/2 for a path along the edge of a beam.
     cosine : (bounces, paths) array
         Cosine of the angle of incidence on each mirror.
     end_cosine : (paths,) array
@@ -266,17 +306,17 @@ class ChainPaths:
     antenna: NDArray[np.intp]
     point: NDArray[np.intp]
     length: Array
-    share: Array
+    share: Complex
     cosine: Array
     end_cosine: Array
 
-    def spread(self, wavelength: Array) -> Array:
+    def spread(self, wavelength: Array) -> Complex:
         """Amplitude ``share / sqrt(length)``, (1, paths), the same at every wavelength: flat mirrors do not focus."""
         return np.asarray(self.share / np.sqrt(self.length))[None]
 
 
-def trace(chain: Chain, points: Points, outline: Outline) -> ChainPaths:
-    """All unobstructed paths from the antennas over the chain to the points.
+def trace(chain: Chain, points: Points, outline: Outline, *, sharp: int = -1) -> ChainPaths:
+    """All paths from the antennas over the chain to the points that are not obstructed, or only in part.
 
     Parameters
     ----------
@@ -284,6 +324,8 @@ def trace(chain: Chain, points: Points, outline: Outline) -> ChainPaths:
     points : Points
     outline : Outline
         Mirrors and obstacles of the scene.
+    sharp : int
+        Place in the chain of a mirror that has no penumbra, since `edges` adds the waves of its ends; -1 for none.
 
     Returns
     -------
@@ -291,7 +333,7 @@ def trace(chain: Chain, points: Points, outline: Outline) -> ChainPaths:
         Sorted by antenna, then by point.
     """
     shape = (chain.images.shape[1], len(points.position))
-    share, length, end_cosine = np.zeros(shape), np.empty(shape), np.empty(shape)
+    share, length, end_cosine = np.zeros(shape, np.complex64), np.empty(shape), np.empty(shape)
     cosine = np.empty((*shape, len(chain.facets)))
     in_shares(
         _trace,
@@ -299,11 +341,9 @@ def trace(chain: Chain, points: Points, outline: Outline) -> ChainPaths:
         points.position,
         points.normal,
         points.enclosing_face,
-        chain.images,
-        chain.window,
-        chain.mirrors,
-        outline.shades,
-        outline.arcs,
+        chain.tables,
+        outline.obstacles,
+        sharp,
         share,
         length,
         cosine,
@@ -318,12 +358,10 @@ def _trace(
     position: Array,
     normal: Array,
     enclosing_face: NDArray[np.int64],
-    images: Array,
-    window: Array,
-    mirrors: Array,
-    facets: Array,
-    arcs: Array,
-    share: Array,
+    chain: ChainTables,
+    obstacles: Obstacles,
+    sharp: int,
+    share: NDArray[np.complex64],
     length: Array,
     cosine: Array,
     end_cosine: Array,
@@ -331,7 +369,8 @@ def _trace(
     last: int,
 ) -> None:
     """Fill rows `first` to `last` of the (n, p) tables of the paths; the share stays 0 where there is no path."""
-    bounces = mirrors.shape[0]
+    images = chain[0]
+    bounces = images.shape[0] - 1
     for n in range(first, last):
         for p in range(position.shape[0]):
             px, py = position[p, 0], position[p, 1]
@@ -340,7 +379,5 @@ def _trace(
             facing = dx * normal[p, 0] + dy * normal[p, 1]
             if facing <= 0.0 and (normal[p, 0] != 0.0 or normal[p, 1] != 0.0):
                 continue
-            share[n, p], length[n, p] = follow(
-                px, py, enclosing_face[p], n, images, window, mirrors, facets, arcs, cosine[n, p]
-            )
+            share[n, p], length[n, p] = follow(px, py, enclosing_face[p], n, chain, obstacles, sharp, cosine[n, p])
             end_cosine[n, p] = facing / length[n, p]

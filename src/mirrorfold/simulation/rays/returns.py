@@ -35,14 +35,19 @@ from mirrorfold.simulation.rays.slabs import (
 )
 
 
+LIT = 0.5
+"""A return that reaches no receiver with this share of its amplitude is left out. The same chain in the other direction
+may not be among the chains, where no antenna sees its mirrors outside of penumbras."""
+
+
 def _knots(band: Band) -> Array:
     """Both ends of the band and its middle, (3, 1) array [Hz]."""
     return np.array([[band.start], [band.middle], [band.stop]])
 
 
-def _traced(chain: Chain | CurvedChain, points: Points, outline: Outline) -> ChainPaths:
-    """The paths to points over a chain of flat mirrors, or over a chain with arcs."""
-    return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, outline)
+def _traced(chain: Chain | CurvedChain, points: Points, outline: Outline, *, sharp: int = -1) -> ChainPaths:
+    """The paths to points over a chain of flat mirrors, see `trace`, or over a chain with arcs."""
+    return trace_curved(chain, points) if isinstance(chain, CurvedChain) else trace(chain, points, outline, sharp=sharp)
 
 
 def _mirrors(scene: Scene, outline: Outline, chain: Chain | CurvedChain, cosine: Array) -> WaveSeries:
@@ -96,8 +101,11 @@ def mirror_returns(scene: Scene, outline: Outline, seen_over: Sequence[Chain | C
     found = []
     receivers = Points.free(rx)
     for chain in seen_over:
-        paths = _traced(chain, receivers, outline)
-        if paths.length.size:
+        facets = chain.facets
+        # A return over the same chain there and back turns at a mirror whose ends radiate edge waves.
+        turn = len(facets) // 2 if facets == facets[::-1] else -1
+        paths = _traced(chain, receivers, outline, sharp=turn)
+        if (np.abs(paths.share) >= LIT).any():
             walls = _walls(scene, outline, chain, paths.antenna, rx[paths.point])
             for amplitude, extra in product_of_series(_mirrors(scene, outline, chain, paths.cosine), *walls):
                 amplitude = amplitude * paths.spread(speed_of_light / _knots(scene.band))

@@ -232,7 +232,7 @@ def find_visible(
         If the scene is not two-dimensional, or has surfaces that rays cannot follow.
     """
     tx, rx = in_plane(scene.array.tx_position), in_plane(scene.array.rx_position)
-    outline = outline_of(scene)
+    outline = outline_of(scene, penumbras=edges)
     tx_chains = chains(tx, outline, 2 * bounces)
     to_tx = [chain for chain in tx_chains if len(chain.facets) <= bounces]
     same_array = np.array_equal(tx, rx)
