@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.geometry import Isometry, cross2, segment_normal
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Complex
 from mirrorfold.errors import InputError
 from mirrorfold.simulation.rays.fermat import (
     APERTURE,
@@ -85,7 +85,7 @@ class CurvedPaths(ChainPaths):
     aperture: Array
     fold: Array
 
-    def spread(self, wavelength: Array) -> Array:
+    def spread(self, wavelength: Array) -> Complex:
         """Complex amplitude at wavelengths (f, 1) [m], with the phase gained at caustics, (f, paths).
 
         It is ``1 / sqrt(|q|)`` by geometrical optics, which diverges at a caustic. It is limited to the least of the
@@ -358,7 +358,7 @@ def trace_curved(chain: CurvedChain, points: Points) -> CurvedPaths:
         antenna=antenna,
         point=used[column],
         length=about[LENGTH],
-        share=np.ones(antenna.size),
+        share=np.ones(antenna.size, np.complex64),
         cosine=cosine[found].T.copy(),
         end_cosine=about[END_COSINE],
         spreading=about[SPREADING],

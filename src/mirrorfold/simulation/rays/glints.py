@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
-from mirrorfold.common.types import Array, Complex
+from mirrorfold.common.types import Array
 from mirrorfold.simulation.rays.outline import Obstacles, Outline
 from mirrorfold.simulation.rays.paths import Chain, ChainTables, Points, follow, trace
 
@@ -59,7 +59,7 @@ class Glints:
     tx: NDArray[np.intp]
     rx: NDArray[np.intp]
     length: Array
-    share: Complex
+    share: NDArray[np.complex64]
     spreading: Array
     legs: Array
     end_cosine: Array

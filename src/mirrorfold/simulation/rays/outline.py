@@ -223,7 +223,7 @@ def shadowed(px: float, py: float, qx: float, qy: float, facets: Array, arcs: Ar
 
 @njit(error_model="numpy", nogil=True)
 def shadowed_by_arcs(px: float, py: float, qx: float, qy: float, arcs: Array, enclosing: int) -> bool:
-    """Whether an arc blocks the straight segment p -> q, which has to cross the arc `enclosing` once, if not below 0."""
+    """Whether an arc blocks the straight segment p -> q, which must cross the arc `enclosing`, if not below 0, once."""
     for i in range(arcs.shape[0]):  # noqa: SIM110 - Numba compiles no generators
         if _crossings_arc(px, py, qx, qy, arcs[i]) != (1 if i == enclosing else 0):
             return True

@@ -306,7 +306,7 @@ class ChainPaths:
     antenna: NDArray[np.intp]
     point: NDArray[np.intp]
     length: Array
-    share: Complex
+    share: NDArray[np.complex64]
     cosine: Array
     end_cosine: Array
 

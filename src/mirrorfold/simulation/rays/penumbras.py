@@ -1,7 +1,8 @@
 """Penumbras: at the edge of a shadow, and of what a mirror shows, waves fade instead of stopping abruptly.
 
-An opaque half-plane leaves of a wave a Fresnel integral (Born and Wolf, Principles of Optics, section 8.7). Let ``D`` be
-the detour by way of its edge, and ``v = sqrt(4 D / lambda)``. With the wave from the edge, relative to the direct one,
+An opaque half-plane leaves of a wave a Fresnel integral (Born and Wolf, Principles of Optics, section 8.7). Let ``D``
+be the detour by way of its edge, and ``v = sqrt(4 D / lambda)``. With the wave from the edge, relative to the direct
+one,
 
     E(v) = (1 + j) / 2 * integral from v to infinity of exp(-j pi t^2 / 2) dt,
 
@@ -17,7 +18,6 @@ away are in `edges`. Arcs have sharp shadows.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
@@ -199,7 +199,7 @@ def let_through(
             if crossings_facet(x, y, qx, qy, facet) != 1:
                 return 0.0j
             continue
-        if i == first or i == last or np.isnan(facet[0, 0]) or _touches(x, y, facet) or _touches(qx, qy, facet):
+        if i in (first, last) or np.isnan(facet[0, 0]) or _touches(x, y, facet) or _touches(qx, qy, facet):
             continue
         share = _past_facet(x, y, ux, uy, leg, gone, length, facet, beyond[i], wavelength)
         if abs(share) < abs(least):

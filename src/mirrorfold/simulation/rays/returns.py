@@ -34,7 +34,6 @@ from mirrorfold.simulation.rays.slabs import (
     transmitted,
 )
 
-
 LIT = 0.5
 """A return that reaches no receiver with this share of its amplitude is left out. The same chain in the other direction
 may not be among the chains, where no antenna sees its mirrors outside of penumbras."""
