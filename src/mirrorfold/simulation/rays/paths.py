@@ -218,12 +218,13 @@ def follow(
         along_ray = ((ax - x) * sy - (ay - y) * sx) / denominator
         cosines[level - 1] = abs(denominator) / np.sqrt(sx * sx + sy * sy)
         if wavelength > 0.0:
-            # A point on the mirror, or on the same side of it as the image, is not seen in it.
-            if not TOUCH < along_ray < left - TOUCH:
+            # A point on the last mirror, or on the same side of it as the image, is not seen in it. Where the path
+            # leads over the vertex of a corner, it met both mirrors at once, and has its share already.
+            if not (-TOUCH if level < bounces else TOUCH) < along_ray < left - TOUCH:
                 return 0.0j, length
             if level - 1 == sharp:
                 share *= _within(x, y, images[level, antenna, 0], images[level, antenna, 1], mirror)
-            else:
+            elif along_ray > TOUCH:
                 share *= through_mirror(x, y, ux, uy, gone, length, mirror, beyond[numbers[level - 1]], wavelength)
             if share == 0.0:
                 return 0.0j, length

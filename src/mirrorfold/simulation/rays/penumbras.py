@@ -140,27 +140,26 @@ def _facet_end(
 def _past_facet(
     x: float, y: float, ux: float, uy: float, leg: float, gone: float, length: float,
     facet: Array, beyond: Array, wavelength: float,
-) -> complex:  # fmt: skip
-    """Share of the amplitude that passes an opaque facet, on the leg from (x, y) in the direction u; see `let_through`.
+) -> tuple[complex, bool]:  # fmt: skip
+    """Share of the amplitude that passes an opaque facet, and whether the facet crosses the path, see `let_through`.
 
-    Only the part of the facet beside the leg counts.
+    The path leads from (x, y) in the direction u. Only the part of the facet beside this leg counts.
     """
     ax, ay = facet[0, 0] - x, facet[0, 1] - y
     bx, by = facet[1, 0] - x, facet[1, 1] - y
     along_a, along_b = ux * ax + uy * ay, ux * bx + uy * by
     if max(along_a, along_b) <= TOUCH or min(along_a, along_b) >= leg - TOUCH:
-        return 1.0 + 0.0j
+        return 1.0 + 0.0j, False
     aside_a, aside_b = ux * ay - uy * ax, ux * by - uy * bx
     nearest = min(abs(aside_a), abs(aside_b))
     # d1 d2 / (d1 + d2) is at most a quarter of the length
     if aside_a * aside_b > 0.0 and 4.0 * nearest * nearest > FAR * wavelength * length:
-        return 1.0 + 0.0j
+        return 1.0 + 0.0j, False
     further_a = ux * (beyond[0, 1] - y) - uy * (beyond[0, 0] - x)
     further_b = ux * (beyond[1, 1] - y) - uy * (beyond[1, 0] - x)
-    return 1.0 - _between(
-        _facet_end(along_a, aside_a, along_b, aside_b, further_a, leg, gone, length, wavelength),
-        _facet_end(along_b, aside_b, along_a, aside_a, further_b, leg, gone, length, wavelength),
-    )
+    a = _facet_end(along_a, aside_a, along_b, aside_b, further_a, leg, gone, length, wavelength)
+    b = _facet_end(along_b, aside_b, along_a, aside_a, further_b, leg, gone, length, wavelength)
+    return 1.0 - _between(a, b), a[0] * b[0] < 0.0
 
 
 @njit(error_model="numpy", nogil=True)
@@ -170,7 +169,8 @@ def let_through(
 ) -> complex:  # fmt: skip
     """Share of the amplitude that all obstacles let through on the leg from (x, y) to q of a path.
 
-    It is that of the obstacle that lets through least.
+    It is that of a single obstacle, as two facets that meet share an edge: of those that cross the leg, the one that
+    lets through least; if none does, the one that changes the wave most.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def let_through(
     dx, dy = qx - x, qy - y
     leg = np.sqrt(dx * dx + dy * dy)
     ux, uy = dx / leg, dy / leg
-    least = 1.0 + 0.0j
+    share, dark = 1.0 + 0.0j, False
     for i in range(facets.shape[0]):
         facet = facets[i]
         if i == enclosing_face:
@@ -201,12 +201,14 @@ def let_through(
             continue
         if i in (first, last) or np.isnan(facet[0, 0]) or _touches(x, y, facet) or _touches(qx, qy, facet):
             continue
-        share = _past_facet(x, y, ux, uy, leg, gone, length, facet, beyond[i], wavelength)
-        if abs(share) < abs(least):
-            least = share
-            if least == 0.0:
+        past, crosses = _past_facet(x, y, ux, uy, leg, gone, length, facet, beyond[i], wavelength)
+        if crosses and (not dark or abs(past) < abs(share)):
+            share, dark = past, True
+            if share == 0.0:
                 break
-    return least
+        elif not dark and abs(1.0 - past) > abs(1.0 - share):
+            share = past
+    return share
 
 
 @njit(error_model="numpy", nogil=True)
