@@ -5,15 +5,17 @@ The field of every antenna at every scatterer is the sum over the direct ray and
 reciprocity the diffuse part of the sweep is ``S = A_tx A_rx^T``, one matrix product per frequency. It contains all
 mixed paths, which go out over one chain and back over another. The purely specular returns are added: mirrors and
 corners by chains of images, arcs and circles by their glints, and edge waves from the ends of mirrors, which make a
-specular return fade instead of stopping abruptly.
+specular return fade instead of stopping abruptly. All other waves fade in penumbras (`penumbras`) at the edges of
+shadows, and of what mirrors show.
 
 Walls with a thickness reflect and transmit (`slabs`); everything else is opaque.
 
 Arcs are mirrors, too. Chains on each way are of flat mirrors only, up to the number of bounces, or of at most two
 mirrors with an arc among them.
 
-Not simulated: edge waves of arcs and of shadows, and those that go out over one chain and back over another; paths that
-are scattered diffusely twice; longer chains with arcs, and those that lead through a wall.
+Not simulated: edge waves of arcs; beyond penumbras, those of shadows, and those that go out over one chain and back
+over another; what several edges do in turn; paths that are scattered diffusely twice; longer chains with arcs, and
+those that lead through a wall.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ def scattered_field(
     spacing : float [m], optional
         Mean distance of the diffuse scatterers along the outlines; by default the wavelength at mid-band.
     edges : bool
-        Whether edge waves from the ends of mirrors are added; if not, specular returns are those of geometrical optics.
+        Whether waves fade at edges; if not, the sweep is that of geometrical optics.
     curved : bool
         Whether arcs reflect waves on to other surfaces; if not, they only scatter and glint themselves.
     memory_limit : float [B], optional

@@ -98,7 +98,7 @@ class VisibleScene:
         Chains from the transmitters to the receivers with two reflections at arcs or more.
     scatterers : Scatterers
     edges : bool
-        Whether the ends of mirrors radiate edge waves.
+        Whether the ends of mirrors radiate edge waves, and shadows have penumbras.
     """
 
     scene: Scene
