@@ -69,6 +69,17 @@ def test_a_mirror_is_cut_where_the_view_by_way_of_another_ends(view):
     assert_array_equal(order.sight.parent, [ROOT, 3, ROOT, ROOT, ROOT])
 
 
+@pytest.mark.parametrize(("past", "moved", "parent"), [(1.0, 0.0, 0), (1.0, 0.06, ROOT), (3.0, 0.0, ROOT)])
+def test_the_image_of_a_wall_past_the_end_of_a_mirror_is_seen_in_the_mirror(view, past, moved, parent):
+    """Most lines of sight to the image miss the mirror, by so many beams. The image of no known wall is a wall itself."""
+    end, shows = 0.7 / np.hypot(0.7, 1.0), line([0.7, 1.0], [0.7, 1.4])
+    u = end + np.array([-0.4, past]) * U_CELL
+    row = np.array([1.5, 1.8])[:, None] * np.column_stack([u, np.sqrt(1.0 - u**2)])
+    wall = line(*(shows.reflection(row) + moved * np.array([-1.0, -1.0])))
+    order, _ = ordered(view, [shows, wall, line(*row)], opaque=False)
+    assert_array_equal(order.sight.parent, [ROOT, ROOT, parent])
+
+
 def test_what_is_too_small_for_a_mirror_is_the_edge_of_a_wall(view):
     """Pieces of 0.6 m are no mirrors where these have at least 0.7 m, and echoes on them no objects."""
     places = [[0.0, 2.0], [0.9, 2.0], [0.9, 1.5]]

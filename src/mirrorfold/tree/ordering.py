@@ -17,7 +17,7 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
-from mirrorfold.detection import Echoes, Fold, Mirror, View, fold_of
+from mirrorfold.detection import Echoes, Fold, ImageView, LineMirror, Mirror, View, fold_of
 from mirrorfold.detection.echoes import brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import faces
@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 BEAM = 0.5
 """Width, in resolution cells, of the beams of which the brightest echoes give the reference level behind a mirror."""
+
+PAST_CELLS = 2.0
+"""How far past the end of a mirror the image of a wall may go on, in resolution cells: the beam of half of the array is
+as wide."""
 
 MetAt = Callable[[Mirror], Array]
 """Gives the range [m] at which each line of sight meets a mirror, its `crossing`."""
@@ -183,15 +187,43 @@ def _cover_behind(echoes: Echoes, objects: Mask, crossing: Array, view: View) ->
 def _parents(mirrors: Sequence[Mirror], crossing: Array, cover: Cover, view: View) -> Index:
     """Number of the parent of each mirror, (mirrors,), or `ROOT`; `UNSEEN` for a mirror that objects hide.
 
-    It is the mirror that most of the visible lines of sight meet last before it. `crossing` (mirrors, directions) [m]
-    is the range at which lines of sight meet the mirrors.
+    It is the mirror that most of the visible lines of sight meet last before it, or at whose end it is the image of
+    another mirror. `crossing` (mirrors, directions) [m] is the range at which lines of sight meet the mirrors.
     """
     shown = crossing.copy()
     for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
     before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
-    return np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
+    parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
+    for index, mirror in enumerate(mirrors):
+        beside = [other for other in np.flatnonzero(parent == parent[index]).tolist() if other != index]
+        for other in beside:
+            walls = [mirrors[wall] for wall in beside if wall != other]
+            if _is_image(mirror, mirrors[other], walls, crossing[[index, other]], view):
+                parent[index] = other
+                break
+    return parent
+
+
+def _is_image(mirror: Mirror, other: Mirror, walls: Sequence[Mirror], crossing: Array, view: View) -> bool:
+    """Whether a mirror that is seen at the end of another one is the image of one of the `walls` in it.
+
+    What a mirror shows goes on a little past its end, where lines of sight miss the mirror: there a part of the array
+    still sees it, and the beam of a part is wider. `crossing` (2, directions) [m] is the range at which lines of sight
+    meet the two.
+    """
+    if not (isinstance(view, ImageView) and isinstance(mirror, LineMirror) and isinstance(other, LineMirror)):
+        return False
+    own, shows = (np.flatnonzero(np.isfinite(row)) for row in crossing)
+    if not (own.size and shows.size and crossing[0, own].min() > crossing[1, shows].min()):
+        return False
+    past = max(view.u[own].max() - view.u[shows].max(), view.u[shows].min() - view.u[own].min())
+    if past > PAST_CELLS * view.u_cell:
+        return False
+    image = other.reflection(mirror.ends)
+    along, across = view.extent(mirror.ends, np.stack([mirror.direction, mirror.normal], axis=1)).T
+    return any(wall.holds(image, across, along.max()).all() for wall in walls if isinstance(wall, LineMirror))
 
 
 def _pieces(
