@@ -17,7 +17,7 @@ from mirrorfold.common.geometry import cross2, reflect, segment_normal, signed_d
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.threads import in_shares
 from mirrorfold.common.types import Array, Complex
-from mirrorfold.simulation.rays.outline import TOUCH, Obstacles, Outline, shadowed
+from mirrorfold.simulation.rays.outline import TOUCH, Obstacles, Outline
 from mirrorfold.simulation.rays.penumbras import EDGE, let_through, through_mirror
 
 PROBES = 1024
@@ -197,7 +197,7 @@ def follow(
     ``cosines[i]`` receives the cosine of the angle of incidence on mirror i.
     """
     images, window, mirrors, numbers = chain
-    facets, arcs, beyond, wavelength = obstacles
+    beyond, wavelength = obstacles[2], obstacles[3]
     bounces = mirrors.shape[0]
     ix, iy = images[bounces, antenna, 0], images[bounces, antenna, 1]
     length = np.sqrt((ix - px) ** 2 + (iy - py) ** 2)
@@ -208,8 +208,9 @@ def follow(
             return 0.0j, length
     x, y, gone, last = px, py, 0.0, -1
     for level in range(bounces, 0, -1):
-        mirror = mirrors[level - 1]
-        dx, dy = images[level, antenna, 0] - x, images[level, antenna, 1] - y
+        mirror, number = mirrors[level - 1], numbers[level - 1]
+        ix, iy = images[level, antenna, 0], images[level, antenna, 1]
+        dx, dy = ix - x, iy - y
         left = np.sqrt(dx * dx + dy * dy)
         ux, uy = dx / left, dy / left
         ax, ay = mirror[0, 0], mirror[0, 1]
@@ -223,30 +224,17 @@ def follow(
             if not (-TOUCH if level < bounces else TOUCH) < along_ray < left - TOUCH:
                 return 0.0j, length
             if level - 1 == sharp:
-                share *= _within(x, y, images[level, antenna, 0], images[level, antenna, 1], mirror)
+                share *= _within(x, y, ix, iy, mirror)
             elif along_ray > TOUCH:
-                share *= through_mirror(x, y, ux, uy, gone, length, mirror, beyond[numbers[level - 1]], wavelength)
-            if share == 0.0:
-                return 0.0j, length
+                share *= through_mirror(x, y, ux, uy, gone, length, mirror, beyond[number], wavelength)
         hit_x, hit_y = x + along_ray * ux, y + along_ray * uy
-        if wavelength > 0.0:
-            number = numbers[level - 1]
-            share *= let_through(
-                x, y, hit_x, hit_y, gone, length, last, number, facets, beyond, arcs, enclosing_face, wavelength
-            )
-            last = number
-        elif shadowed(x, y, hit_x, hit_y, facets, arcs, enclosing_face):
-            share = 0.0j
+        if share != 0.0:
+            share *= let_through(x, y, hit_x, hit_y, gone, length, last, number, obstacles, enclosing_face)
         if share == 0.0:
             return 0.0j, length
-        x, y, gone = hit_x, hit_y, gone + along_ray
-        enclosing_face = -1
+        x, y, gone, last, enclosing_face = hit_x, hit_y, gone + along_ray, number, -1
     ox, oy = images[0, antenna, 0], images[0, antenna, 1]
-    if wavelength > 0.0:
-        share *= let_through(x, y, ox, oy, gone, length, last, -1, facets, beyond, arcs, enclosing_face, wavelength)
-    elif shadowed(x, y, ox, oy, facets, arcs, enclosing_face):
-        share = 0.0j
-    return share, length
+    return share * let_through(x, y, ox, oy, gone, length, last, -1, obstacles, enclosing_face), length
 
 
 @njit(error_model="numpy", nogil=True)

@@ -21,7 +21,7 @@ import numpy as np
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
-from mirrorfold.simulation.rays.outline import TOUCH, crossings_facet, shadowed_by_arcs
+from mirrorfold.simulation.rays.outline import TOUCH, Obstacles, crossings_facet, shadowed, shadowed_by_arcs
 
 FADES = 2.0, 5.0
 """The wave from an edge is faded out from the first to the second of these v, where it has 11 and 5 % of the direct
@@ -165,12 +165,12 @@ def _past_facet(
 @njit(error_model="numpy", nogil=True)
 def let_through(
     x: float, y: float, qx: float, qy: float, gone: float, length: float, first: int, last: int,
-    facets: Array, beyond: Array, arcs: Array, enclosing_face: int, wavelength: float,
+    obstacles: Obstacles, enclosing_face: int,
 ) -> complex:  # fmt: skip
     """Share of the amplitude that all obstacles let through on the leg from (x, y) to q of a path.
 
     It is that of a single obstacle, as two facets that meet share an edge: of those that cross the leg, the one that
-    lets through least; if none does, the one that changes the wave most.
+    lets through least; if none does, the one that changes the wave most. Without a wavelength it is one or zero.
 
     Parameters
     ----------
@@ -179,14 +179,14 @@ def let_through(
     gone, length : float [m]
         Length of the path up to (x, y), and of the whole path.
     first, last : int
-        Numbers of the mirrors at the ends of the leg, which do not shade it; -1 for none.
-    facets, beyond : (f, 2, 2) arrays [m]
-        Ends of the facets, and far ends of the facets that continue them; see `Outline`.
-    arcs : (a, 5) array
+        Numbers of the mirrors at the ends of the leg, which have no penumbra on it; -1 for none.
+    obstacles : Obstacles
     enclosing_face : int
         As in `shadowed`.
-    wavelength : float [m]
     """
+    facets, arcs, beyond, wavelength = obstacles
+    if wavelength == 0.0:
+        return 0.0j if shadowed(x, y, qx, qy, facets, arcs, enclosing_face) else 1.0 + 0.0j
     if shadowed_by_arcs(x, y, qx, qy, arcs, enclosing_face - facets.shape[0]):
         return 0.0j
     dx, dy = qx - x, qy - y
