@@ -191,6 +191,8 @@ def let_through(
         return 0.0j
     dx, dy = qx - x, qy - y
     leg = np.sqrt(dx * dx + dy * dy)
+    if leg <= TOUCH:  # from one mirror to the other at the vertex of a corner
+        return 1.0 + 0.0j
     ux, uy = dx / leg, dy / leg
     share, dark = 1.0 + 0.0j, False
     for i in range(facets.shape[0]):
