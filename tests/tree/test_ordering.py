@@ -71,7 +71,7 @@ def test_a_mirror_is_cut_where_the_view_by_way_of_another_ends(view):
 
 @pytest.mark.parametrize(("past", "moved", "parent"), [(1.0, 0.0, 0), (1.0, 0.06, ROOT), (3.0, 0.0, ROOT)])
 def test_the_image_of_a_wall_past_the_end_of_a_mirror_is_seen_in_the_mirror(view, past, moved, parent):
-    """Most lines of sight to the image miss the mirror, by so many beams. The image of no known wall is a wall itself."""
+    """Most lines of sight to the image miss the mirror, by so many beams. What is no image is a wall of its own."""
     end, shows = 0.7 / np.hypot(0.7, 1.0), line([0.7, 1.0], [0.7, 1.4])
     u = end + np.array([-0.4, past]) * U_CELL
     row = np.array([1.5, 1.8])[:, None] * np.column_stack([u, np.sqrt(1.0 - u**2)])
