@@ -31,7 +31,7 @@ SHARED_DATA = Path(__file__).resolve().parents[1] / "../shared/data"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Where kernels run as plain Python, they divide by zero as compiled ones do: the result is infinite, or not used."""
+    """Where kernels run as plain Python, they divide by zero as compiled ones do."""
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         for message in ("divide by zero", "overflow encountered", "invalid value encountered in scalar subtract"):
             config.addinivalue_line("filterwarnings", f"ignore:{message}:RuntimeWarning")
