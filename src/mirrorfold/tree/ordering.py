@@ -64,6 +64,21 @@ class Order:
             found[index] = view.on_radar(place[None], ITSELF_CELLS * view.cell_at(mirror.center))[0]
         return found
 
+    def images_in_corners(self) -> Mask:
+        """Which mirrors are images of a known wall by way of both legs of a corner, (mirrors,)."""
+        return np.array([self._turns(index, mirror) for index, mirror in enumerate(self.mirrors)], dtype=bool)
+
+    def _turns(self, index: int, mirror: Mirror) -> bool:
+        """Whether a mirror is seen in the leg of a corner, and is the image of a known wall in both of its legs."""
+        leg = int(self.sight.parent[index])
+        if leg < 0 or not isinstance(self.sight.view, ImageView) or not isinstance(mirror, LineMirror):
+            return False
+        before = int(self.sight.parent[leg])
+        walls = [self.mirrors[wall] for wall in np.flatnonzero(self.sight.parent == before).tolist() if wall != leg]
+        walls += [self.mirrors[before]] if before >= 0 else []
+        corners = vertices_of(self.mirrors[leg], self.sight.view)
+        return any(is_image(mirror, 2.0 * vertex - mirror.ends, walls, self.sight.view) for vertex in corners)
+
     def mirrors_to(self, index: int) -> tuple[Mirror, ...]:
         """The mirrors by way of which the radar looks into mirror `index`, this one last; none for `ROOT`."""
         way: tuple[Mirror, ...] = ()
@@ -200,13 +215,13 @@ def _parents(mirrors: Sequence[Mirror], crossing: Array, cover: Cover, view: Vie
         beside = [other for other in np.flatnonzero(parent == parent[index]).tolist() if other != index]
         for other in beside:
             walls = [mirrors[wall] for wall in beside if wall != other]
-            if _is_image(mirror, mirrors[other], walls, crossing[[index, other]], view):
+            if _is_at_end(mirror, mirrors[other], walls, crossing[[index, other]], view):
                 parent[index] = other
                 break
     return parent
 
 
-def _is_image(mirror: Mirror, other: Mirror, walls: Sequence[Mirror], crossing: Array, view: View) -> bool:
+def _is_at_end(mirror: Mirror, other: Mirror, walls: Sequence[Mirror], crossing: Array, view: View) -> bool:
     """Whether a mirror that is seen at the end of another one is the image of one of the `walls` in it.
 
     What a mirror shows goes on a little past its end, where lines of sight miss the mirror: there a part of the array
@@ -221,9 +236,22 @@ def _is_image(mirror: Mirror, other: Mirror, walls: Sequence[Mirror], crossing: 
     past = max(view.u[own].max() - view.u[shows].max(), view.u[shows].min() - view.u[own].min())
     if past > PAST_CELLS * view.u_cell:
         return False
-    image = other.reflection(mirror.ends)
+    return is_image(mirror, other.reflection(mirror.ends), walls, view)
+
+
+def is_image(mirror: LineMirror, true: Array, walls: Sequence[Mirror], view: ImageView) -> bool:
+    """Whether a mirror whose ends stand at `true` places (2, 2) [m] lies on one of the walls, to a resolution cell."""
     along, across = view.extent(mirror.ends, np.stack([mirror.direction, mirror.normal], axis=1)).T
-    return any(wall.holds(image, across, along.max()).all() for wall in walls if isinstance(wall, LineMirror))
+    return any(wall.holds(true, across, along.max()).all() for wall in walls if isinstance(wall, LineMirror))
+
+
+def vertices_of(leg: Mirror, view: ImageView) -> Array:
+    """Those of the known `corners` of the view of which a straight mirror is a leg, (n, 2) [m]."""
+    if not isinstance(leg, LineMirror):
+        return np.zeros((0, 2))
+    near = view.cell_at(leg.center)
+    away = np.linalg.norm(view.corners[:, None] - leg.ends, axis=-1).min(axis=1, initial=np.inf)
+    return view.corners[(away <= near) | leg.holds(view.corners, near, 0.0)]
 
 
 def _pieces(

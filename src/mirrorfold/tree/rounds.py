@@ -272,10 +272,11 @@ def found_and_ordered(
     order = ordered([*mirrors, *rest])
     if known is not None or not settings.opaque:
         return order
-    # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene.
-    if (own := order.images_of_radar()).any():
+    # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene. Neither is what both legs of a
+    # corner show of a wall.
+    if (images := order.images_of_radar() | order.images_in_corners()).any():
         # The order's mirrors are those of both lists, some of them cut.
-        mirrors, rest = [mirror for mirror, itself in zip(order.mirrors, own, strict=True) if not itself], []
+        mirrors, rest = [mirror for mirror, image in zip(order.mirrors, images, strict=True) if not image], []
         order = ordered(mirrors)
     if settings.published:
         return order

@@ -3,17 +3,23 @@
 The legs of a corner are mirrors, as other walls are. Legs that are too short to be found as mirrors are opaque all the
 same: what the image shows behind a leg stands elsewhere, on the side of the radar. The image of the leg itself may be
 invisible, because the side lobes of the vertex outshine it.
+
+Both legs together turn the scene by half a turn about the vertex. What is seen in a leg that was found, and stands on a
+known wall after that turn, is seen in both legs.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mirrorfold.common.types import Chain, Mask
-from mirrorfold.detection import Echoes, ImageView
+from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.corners import BRIGHTER, Corners
 from mirrorfold.tree.explaining.to_and_fro import bright_echoes
+from mirrorfold.tree.ordering import vertices_of
 
 IN_CORNER = "may be seen in a leg of a corner"
 
@@ -26,10 +32,29 @@ longer leg shows itself beside the lobes, and hides what is behind it as other o
 def in_corners(found: Found, view: ImageView, corners: Corners) -> dict[Chain, Mask]:
     """Which object echoes of each chain of mirrors may be seen in the legs of corners, (n,) each.
 
-    They are behind a vertex that is seen by way of the same mirrors, and no brighter than the vertex. `corners` tells
-    which places (n, 2) [m] of the image are vertices of right-angled corners, (n,).
+    They are behind a vertex that is seen by way of the same mirrors, and no brighter than the vertex; or both legs show
+    them of a wall. `corners` tells which places (n, 2) [m] of the image are vertices of right-angled corners, (n,).
     """
-    return {node.chain: _behind_legs(node.objects, found.echoes.threshold, view, corners) for node in found.tree.walk()}
+    marks = {
+        node.chain: _behind_legs(node.objects, found.echoes.threshold, view, corners) for node in found.tree.walk()
+    }
+    for parent in found.tree.walk():
+        walls = [node.way[-1] for node in parent.mirrors]
+        for leg, node in zip(walls, parent.mirrors, strict=True):
+            others = [wall for wall in (*walls, *parent.way[-1:]) if wall is not leg]
+            marks[node.chain] |= _seen_in_both(node.objects, leg, others, found.sight.view)
+    return marks
+
+
+def _seen_in_both(objects: Echoes, leg: Mirror, walls: Sequence[Mirror], view: View) -> Mask:
+    """Which of the objects that are seen in the leg of a corner are those of walls, seen in both legs, (n,)."""
+    both = np.zeros(len(objects), dtype=bool)
+    if isinstance(view, ImageView):
+        for vertex in vertices_of(leg, view):
+            for wall in walls:
+                turned = 2.0 * vertex - objects.position
+                both |= wall.holds(turned, view.extent(objects.position, wall.normal), 0.0)
+    return both
 
 
 def _behind_legs(objects: Echoes, threshold: float, view: ImageView, corners: Corners) -> Mask:
