@@ -268,6 +268,19 @@ def test_the_radar_sees_itself_at_twice_the_distance_of_a_mirror(view):
         assert_array_equal(order.images_of_radar(), [False, itself])
 
 
+@pytest.mark.parametrize(
+    ("known", "moved", "image"), [(True, 0.0, True), (True, 0.02, True), (True, 0.1, False), (False, 0.0, False)]
+)
+def test_both_legs_of_a_known_corner_show_a_wall_turned_about_the_vertex(view, known, moved, image):
+    vertex, wall = np.array([0.0, 2.2]), line([-0.3, 1.0], [-0.3, 1.5])
+    legs = [line([side * 0.3, 1.9], [side * 0.01, 2.19]) for side in (-1.0, 1.0)]
+    row = line(*(2.0 * vertex - wall.ends + [moved, 0.0]))
+    told = view.knowing(corners=vertex[None] + 0.003) if known else view
+    order, _ = ordered(told, [wall, *legs, row], opaque=False, minimum_length=0.2)
+    assert_array_equal(order.sight.parent, [ROOT, ROOT, ROOT, 2])
+    assert_array_equal(order.images_in_corners(), [False, False, False, image])
+
+
 @pytest.mark.parametrize("count", [4, 12])
 def test_lines_of_sight_are_met_with_each_mirror_and_each_piece_only_a_few_times(view, count, monkeypatch):
     asked = []
