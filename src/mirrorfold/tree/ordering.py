@@ -170,6 +170,8 @@ def _ordered(
     else:
         cover = _cover_behind(echoes, objects & ~walls, crossing, view)
     parent = _parents(mirrors, crossing, cover, view)
+    if isinstance(view, ImageView) and not settings.published:
+        parent = _with_images(parent, mirrors, crossing, view)
     seen = np.flatnonzero(parent != UNSEEN)
     # New numbers of the mirrors that are seen. A parent that is not seen becomes `UNSEEN`.
     number = np.full(len(mirrors) + 2, UNSEEN, dtype=np.intp)
@@ -202,46 +204,43 @@ def _cover_behind(echoes: Echoes, objects: Mask, crossing: Array, view: View) ->
 def _parents(mirrors: Sequence[Mirror], crossing: Array, cover: Cover, view: View) -> Index:
     """Number of the parent of each mirror, (mirrors,), or `ROOT`; `UNSEEN` for a mirror that objects hide.
 
-    It is the mirror that most of the visible lines of sight meet last before it, or at whose end it is the image of
-    another mirror. `crossing` (mirrors, directions) [m] is the range at which lines of sight meet the mirrors.
+    It is the mirror that most of the visible lines of sight meet last before it. `crossing` (mirrors, directions) [m]
+    is the range at which lines of sight meet the mirrors.
     """
     shown = crossing.copy()
     for row, mirror in zip(shown, mirrors, strict=True):
         met = np.flatnonzero(np.isfinite(row))
         row[met[~cover.clear(row[met] + view.object_depth(row[met]), met, mirror.strength)]] = np.inf
     before = [_last_before(index, shown)[1] - ROOT for index in range(len(mirrors))]
-    parent = np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
-    for index, mirror in enumerate(mirrors):
-        beside = [other for other in np.flatnonzero(parent == parent[index]).tolist() if other != index]
-        for other in beside:
-            walls = [mirrors[wall] for wall in beside if wall != other]
-            if _is_at_end(mirror, mirrors[other], walls, crossing[[index, other]], view):
+    return np.array([np.argmax(np.bincount(b)) + ROOT if b.size else UNSEEN for b in before], dtype=np.intp)
+
+
+def _with_images(parent: Index, mirrors: Sequence[Mirror], crossing: Array, view: ImageView) -> Index:
+    """The parents of mirrors, (mirrors,), where what stands at the end of a mirror may be an image in it.
+
+    What a mirror shows goes on a little past its end, where lines of sight miss the mirror: there a part of the array
+    still sees it, and the beam of a part is wider. So a row past an end has that mirror as its parent if it is the
+    image of a known wall. `crossing` (mirrors, directions) [m] is the range at which lines of sight meet the mirrors.
+    """
+    parent, met = parent.copy(), np.isfinite(crossing)
+    first, last = (np.where(met, view.u, empty).T for empty in (np.inf, -np.inf))
+    first, last, nearest = first.min(axis=0), last.max(axis=0), crossing.min(axis=1)
+    for index in np.flatnonzero(parent != UNSEEN).tolist():
+        mirror, beside = mirrors[index], (parent == parent[index]) & (np.arange(len(mirrors)) != index)
+        past = np.maximum(last[index] - last, first - first[index])
+        near = beside & (nearest < nearest[index]) & (past <= PAST_CELLS * view.u_cell)
+        for other in np.flatnonzero(near).tolist():
+            shows, walls = mirrors[other], [mirrors[wall] for wall in np.flatnonzero(beside).tolist() if wall != other]
+            straight = isinstance(mirror, LineMirror) and isinstance(shows, LineMirror)
+            if straight and is_image(mirror, shows.reflection(mirror.ends), walls, view):
                 parent[index] = other
                 break
     return parent
 
 
-def _is_at_end(mirror: Mirror, other: Mirror, walls: Sequence[Mirror], crossing: Array, view: View) -> bool:
-    """Whether a mirror that is seen at the end of another one is the image of one of the `walls` in it.
-
-    What a mirror shows goes on a little past its end, where lines of sight miss the mirror: there a part of the array
-    still sees it, and the beam of a part is wider. `crossing` (2, directions) [m] is the range at which lines of sight
-    meet the two.
-    """
-    if not (isinstance(view, ImageView) and isinstance(mirror, LineMirror) and isinstance(other, LineMirror)):
-        return False
-    own, shows = (np.flatnonzero(np.isfinite(row)) for row in crossing)
-    if not (own.size and shows.size and crossing[0, own].min() > crossing[1, shows].min()):
-        return False
-    past = max(view.u[own].max() - view.u[shows].max(), view.u[shows].min() - view.u[own].min())
-    if past > PAST_CELLS * view.u_cell:
-        return False
-    return is_image(mirror, other.reflection(mirror.ends), walls, view)
-
-
-def is_image(mirror: LineMirror, true: Array, walls: Sequence[Mirror], view: ImageView) -> bool:
+def is_image(mirror: Mirror, true: Array, walls: Sequence[Mirror], view: ImageView) -> bool:
     """Whether a mirror whose ends stand at `true` places (2, 2) [m] lies on one of the walls, to a resolution cell."""
-    along, across = view.extent(mirror.ends, np.stack([mirror.direction, mirror.normal], axis=1)).T
+    along, across = view.extent(mirror.ends, np.stack([mirror.tangents[0], mirror.normal], axis=1)).T
     return any(wall.holds(true, across, along.max()).all() for wall in walls if isinstance(wall, LineMirror))
 
 
