@@ -91,14 +91,16 @@ def edge_waves(tx_chains: Sequence[Chain], rx_chains: Sequence[Chain], outline: 
         for facet, (start, end) in enumerate(outline.facets):
             if tx_chain.facets and tx_chain.facets[-1] == facet:
                 continue
-            for edge, other in ((start, end), (end, start)):
-                waves = _waves(tx_chain, rx_chain, facet, edge, other, outline)
+            for edge, other, further in zip((start, end), (end, start), outline.beyond[facet], strict=True):
+                waves = _waves(tx_chain, rx_chain, facet, edge, other, further, outline)
                 if waves.length.size:
                     yield waves
 
 
-def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Array, outline: Outline) -> EdgeWaves:
-    """The waves from the end `edge` of the mirror between `edge` and `other`."""
+def _waves(
+    tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Array, further: Array, outline: Outline
+) -> EdgeWaves:
+    """The waves from the end `edge` of the mirror between `edge` and `other`; `further` as `Outline.beyond`."""
     inward = (other - edge) / np.linalg.norm(other - edge)
     normal = segment_normal(edge, other)
     lit = Points.free((edge + INSET * inward)[None])
@@ -108,7 +110,7 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
     source, target = tx_chain.images[-1][there.antenna[tx]], rx_chain.images[-1][back.antenna[rx]]
     above, beyond = signed_distance(source, edge, normal), signed_distance(target, edge, normal)
     # Where another mirror joins at an angle that faces the antenna, the two form a corner, which has no edge wave.
-    joined = _inner_side(facet, edge, normal, outline)
+    joined = np.sign((further - edge) @ normal)  # NaN, which equals no sign, if there is none
     keep = (above * beyond > TOUCH**2) & (np.sign(above) != joined)
     tx, rx, source, target, above, beyond = (a[keep] for a in (tx, rx, source, target, above, beyond))
     image = reflect(source, edge, normal)
@@ -129,15 +131,6 @@ def _waves(tx_chain: Chain, rx_chain: Chain, facet: int, edge: Array, other: Arr
         rx_cosine=back.cosine[:, rx],
         end_cosine=(np.abs(above) + np.abs(beyond)) / specular,
     )
-
-
-def _inner_side(facet: int, edge: Array, normal: Array, outline: Outline) -> float:
-    """Side of the mirror (sign along `normal`) on which another mirror continues from the same point; 0 for none."""
-    for index, ends in enumerate(outline.facets):
-        at_edge = np.linalg.norm(ends - edge, axis=-1) < TOUCH
-        if index != facet and at_edge.any():
-            return float(np.sign((ends[int(np.argmin(at_edge))] - edge) @ normal))
-    return 0.0
 
 
 def edge_factor(waves: EdgeWaves, wavelength: Array) -> NDArray[np.complex128]:

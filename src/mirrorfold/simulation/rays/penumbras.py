@@ -10,9 +10,9 @@ the share ``E(v)`` of the amplitude arrives in the shadow, and ``1 - E(v)`` besi
 mirror is a slit between its two ends. In a sweep, each abrupt end of a wave along the array would have side lobes in
 all directions, which no radar measures.
 
-Only the penumbra is kept: between `FADES` the wave from the edge is faded out. Its detour is below a few wavelengths
-there, a fraction of any range cell, and the share is taken as the same at all frequencies. The waves of ends farther
-away are in `edges`. Arcs have sharp shadows.
+Only the penumbra is kept: between `FADES` the wave from the edge is faded out. Its detour is at most six wavelengths
+there, and the share is taken as the same at all frequencies: for bandwidths up to a tenth of the frequency, the detour
+is within about one range cell. The waves of ends farther away are in `edges`. Arcs have sharp shadows.
 """
 
 from __future__ import annotations
