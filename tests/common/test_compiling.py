@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import sys
 import tempfile
 import warnings
 
@@ -70,6 +71,34 @@ def test_damaged_files_of_kernels_are_made_anew(hits, tmp_path, suffix, length):
     [file] = (tmp_path / "__pycache__").glob(f"one.double*.{suffix}")
     file.write_bytes(file.read_bytes()[:length])
     assert (hits(), hits()) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "result"),
+    [("scale", "1.0", "1.5", 6.0), ("factor", "2.0", "3.0", 6.0), ("doubling", "FACTOR * x", "3.0 * x", 6.0)],
+)
+def test_kernels_are_compiled_anew_where_what_they_hold_has_changed(name, old, new, result, tmp_path, monkeypatch):
+    """The kernel holds a kernel of another file and a constant of a third; the last change is one of its own."""
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python itself would not see a change within a second
+    doubling = "from scale import scaled\nfrom factor import FACTOR\n" + KERNEL.replace("2.0 * x", "scaled(FACTOR * x)")
+    texts = {
+        "scale": KERNEL.replace("double", "scaled").replace("2.0 * x", "1.0 * x"),
+        "factor": "FACTOR = 2.0\n",
+        "doubling": doubling,
+    }
+
+    def doubled():
+        for module in texts:
+            (tmp_path / f"{module}.py").write_text(texts[module])
+            sys.modules.pop(module, None)
+        importlib.invalidate_caches()
+        kernel = importlib.import_module("doubling").double
+        return kernel(2.0), sum(kernel.stats.cache_hits.values())
+
+    assert (doubled(), doubled()) == ((4.0, 0), (4.0, 1))
+    texts[name] = texts[name].replace(old, new)
+    assert (doubled(), doubled()) == ((result, 0), (result, 1))
 
 
 def test_a_kernel_that_makes_arrays_must_say_so():

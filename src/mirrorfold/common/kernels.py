@@ -14,8 +14,21 @@ import numba
 from numba.core.caching import FunctionCache
 
 
-class _MendingCache(FunctionCache):
-    """A cache that makes its files anew if they are damaged, as by a full disk or an incomplete copy."""
+class _KernelCache(FunctionCache):
+    """A cache that makes its files anew if they are damaged, as by a full disk or an incomplete copy, or out of date.
+
+    Numba compares the source file of the function alone. Compiled code also holds the kernels that the function calls
+    and the constants that it reads, which other files may have changed: these are compared as well.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        named = {name: function.__globals__.get(name) for name in sorted(function.__code__.co_names)}
+        caches = [getattr(value, "_cache", None) for value in named.values()]
+        called = [cache.stamp for cache in caches if isinstance(cache, _KernelCache)]
+        constants = {name: value for name, value in named.items() if isinstance(value, (int, float, complex, tuple))}
+        self.stamp: Any = (self._impl.locator.get_source_stamp(), called, repr(constants))
+        self._cache_file._source_stamp = self.stamp
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The compiled kernel from the cache, or None to have it compiled."""
@@ -67,10 +80,10 @@ def is_compiled(kernel: Any) -> bool:
 def _cache_of(function: Callable[..., Any]) -> FunctionCache:
     """The cache of a function; in a temporary folder if no other folder is writable."""
     try:
-        return _MendingCache(function)
+        return _KernelCache(function)
     except RuntimeError:  # Numba found no folder that it may write to
         numba.config.CACHE_DIR = str(_temporary_folder())  # type: ignore[attr-defined]
-        return _MendingCache(function)
+        return _KernelCache(function)
 
 
 def _temporary_folder() -> Path:
