@@ -38,6 +38,7 @@ SITE = ("index", "quickstart", "performance", "reliability", "glossary")
 ORDER = (
     "focusing",
     "folding",
+    "explaining",
     "curved",
     "transparent",
     "aluminium",
