@@ -79,6 +79,7 @@ def reconstruct(
     mirrors, preset, finished
         As for `fold`.
     progress : callable (done, total), optional
+        Of a single sweep it tells of the focusing alone, of a recording how many frames are done.
     **given
 
     Returns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mirrorfold.common.slabs import POLARIZATIONS, delay, fresnel, shift, slab
+from mirrorfold.common.slabs import POLARIZATIONS, fresnel, slab
 from mirrorfold.scenes.materials import permittivity
 
 ANGLES = np.radians(np.linspace(0.0, 85.0, 18))
@@ -62,18 +62,6 @@ def test_slab_is_the_solution_of_the_boundary_conditions(name):
     found = slab(eps, thickness, K, angle, name)
     assert found[0] == pytest.approx(r, abs=1e-12)
     assert found[1] == pytest.approx(t * np.exp(1j * cosine * thickness), abs=1e-12)
-
-
-def test_shift_is_snells_and_the_slope_of_the_delay():
-    eps, thickness = 5.79, 6e-3
-    refracted = np.arcsin(np.sin(ANGLES) / np.sqrt(eps))
-    np.testing.assert_allclose(
-        shift(eps, thickness, ANGLES), thickness * np.sin(ANGLES - refracted) / np.cos(refracted), rtol=1e-12
-    )
-    step = 1e-6
-    slope = (delay(eps, thickness, ANGLES + step) - delay(eps, thickness, ANGLES - step)) / (2.0 * step)
-    np.testing.assert_allclose(slope, shift(eps, thickness, ANGLES), atol=1e-9)
-    assert delay(eps, thickness, 0.0) == pytest.approx((np.sqrt(eps) - 1.0) * thickness)
 
 
 def test_glass_reflects_and_transmits_as_its_permittivity_says():

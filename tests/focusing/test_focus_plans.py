@@ -49,6 +49,17 @@ def test_a_plan_made_from_the_geometry_is_the_one_that_focuses(large, plans_made
     assert len(plans_made) == 2
 
 
+@pytest.mark.slow
+def test_an_empty_first_frame_does_not_cost_the_plan(large, plans_made):
+    """A relative error cannot be measured on it: the plan is proven on a frame that holds something."""
+    sweep, settings = large
+    frames = xr.concat([0.0 * sweep, sweep], dim="frame", data_vars=["s"], coords="minimal", compat="override")
+    images = focus(frames, **settings, plans=PlanCache())
+    assert images.attrs["algorithm"] == "polar"
+    assert not images[0].any()
+    np.testing.assert_array_equal(images[1], focus(sweep, **settings, plans=PlanCache()))
+
+
 @pytest.mark.parametrize("name", ["frequency", "tx_position", "rx_position"])
 def test_a_geometry_along_other_dimensions_is_refused(large, name):
     sweep, _ = large

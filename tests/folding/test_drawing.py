@@ -90,7 +90,7 @@ def random_sight(view, random, axis):
     crossing = crossing[:, pick]
     cover = Cover(np.full((1, count), 1.8), np.full((1, count), np.inf), random.uniform(0.0, 3.0, (1, count)))
     sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover, chain=((0,), (0, 0)),
-                         open=random.uniform(0.0, 1.5, count))  # fmt: skip
+                         empty_up_to=random.uniform(0.0, 1.5, count))  # fmt: skip
     blobs = random.choice([UNSEEN, ROOT, 0, 1], (count, view.range.size), p=[0.1, 0.1, 0.4, 0.4]).astype(np.int16)
     return sight, blobs
 
@@ -114,7 +114,7 @@ def slow_twin(view, sight, folds, margin, blobs, points):
             shown &= blobs[beam, sample] == number
             own, ahead, looked = view.locate(points)
             alike = [sight.seen_through(range_ - margin, side) == number for side in view.beside(range_, beam)]
-            shown &= ~(looked & (own < sight.open[ahead])) | np.logical_and.reduce(alike)
+            shown &= ~(looked & (own < sight.empty_up_to[ahead])) | np.logical_and.reduce(alike)
         found = np.maximum(found, np.where(shown, value, 0.0))
         step = view.beside_steps(range_) != view.beside_steps(view.range)[np.clip(index[:, -1].astype(int), 0, None)
                                                                            % view.range.size]  # fmt: skip
@@ -142,8 +142,8 @@ def test_a_picture_is_what_the_ways_show_at_every_pixel(view, margin, axis):
     strongest = draw(sight, folds, margin, grid, blobs, strongest=True)
     assert_array_equal(strongest, drawn if view.dimensions == 2 else drawn.max(axis=0))
     # Where nothing is known to be empty, what stands beside a mirror's edge contradicts nothing.
-    unknown = replace(sight, open=np.zeros(0))
-    nowhere = replace(sight, open=np.zeros(len(view.sight)))
+    unknown = replace(sight, empty_up_to=np.zeros(0))
+    nowhere = replace(sight, empty_up_to=np.zeros(len(view.sight)))
     assert_array_equal(draw(unknown, folds, margin, grid, blobs), draw(nowhere, folds, margin, grid, blobs))
 
 

@@ -236,7 +236,7 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
             seen &= blobs[beam, sample] == number
             own, ahead, looked = view.locate(grid)
             sides = [found.sight.seen_through(range_ - 0.04, side) == number for side in view.beside(range_, beam)]
-            seen &= ~(looked & (own < found.sight.open[ahead])) | np.logical_and.reduce(sides)
+            seen &= ~(looked & (own < found.sight.empty_up_to[ahead])) | np.logical_and.reduce(sides)
         expected = np.maximum(expected, np.where(seen, value, 0.0))
     expected = expected.reshape(x.size, y.size, z.size).transpose(2, 1, 0)
     assert np.count_nonzero(expected) > 50

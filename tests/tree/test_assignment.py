@@ -75,7 +75,7 @@ def test_what_the_radars_own_view_contradicts_is_left_out_where_objects_are_opaq
     for given, kept in (({}, []), ({"opaque": False}, [edge])):
         tree, sight, _ = assigned(view, [edge, aside], **given)
         assert held(tree)[(1,)] == np.round(kept, 6).tolist()
-        assert bool(sight.open.size) == (not given)
+        assert bool(sight.empty_up_to.size) == (not given)
 
 
 def test_echoes_that_objects_hide_do_not_close_the_radars_view(view):

@@ -52,7 +52,7 @@ def found_with(view, mirrors, places, amplitude=1.0, opened=0.0):
     echoes = echoes_at(view, places, amplitude)
     order = order_mirrors(mirrors, view, echoes, SETTINGS)
     tree, sight = assign_echoes(order, echoes, opaque=False)
-    sight = replace(sight, open=np.full(view.u.size, opened) if opened else np.zeros(0))
+    sight = replace(sight, empty_up_to=np.full(view.u.size, opened) if opened else np.zeros(0))
     return Found(echoes, tree, sight, echoes.take(np.zeros(len(echoes), dtype=bool)), np.empty(0, dtype=str))
 
 

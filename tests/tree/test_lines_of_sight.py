@@ -159,10 +159,10 @@ def test_at_the_edge_of_a_mirror_the_radars_own_view_must_not_contradict(view):
     edge = 0.3 * 2.2 / 1.5 - 0.01
     echoes = echoes_at(view, [[0.1, 2.2], [edge, 2.2], [-edge, 2.2]])
     for reach, expected in ((0.7, [False] * 3), (2.0, [False, True, True])):
-        sight = sight_of(view, WALL, open=np.full(view.u.size, reach))
+        sight = sight_of(view, WALL, empty_up_to=np.full(view.u.size, reach))
         assert_array_equal(sight.contradicted(echoes, WALL.reflection), expected)
     # The radar does not look behind itself, nor nearer than its view begins.
-    sight = sight_of(view, WALL, open=np.full(view.u.size, 2.0))
+    sight = sight_of(view, WALL, empty_up_to=np.full(view.u.size, 2.0))
     assert not sight.contradicted(echoes_at(view, [[edge, 2.2]]), lambda places: places * [1.0, -1.0]).any()
     assert not sight.contradicted(echoes_at(view, [[edge, 2.2]]), lambda places: 0.1 * places).any()
 

@@ -290,7 +290,7 @@ def test_an_echo_at_the_edge_of_a_mirrors_view_must_not_be_contradicted_by_the_r
 def test_the_radars_own_view_is_not_trusted_beyond_its_echoes():
     """Without an echo from further aside, its antennas may be deaf there."""
     _, sight, view, _ = tree_of(diffuse(*wall((-0.3, 1.5), 0.0, 0.6), 3))
-    assert not sight.open[np.abs(view.u) > 0.42].any()
-    assert (sight.open[(view.u > 0.12) & (view.u < 0.35)] > 2.9).all()
-    before = sight.open[(view.u < -0.1) & (view.u > -0.3)]
+    assert not sight.empty_up_to[np.abs(view.u) > 0.42].any()
+    assert (sight.empty_up_to[(view.u > 0.12) & (view.u < 0.35)] > 2.9).all()
+    before = sight.empty_up_to[(view.u < -0.1) & (view.u > -0.3)]
     assert ((before > 1.35) & (before < 1.5)).all()

@@ -165,6 +165,7 @@ def expect_unit(name: str, value: Any, unit: str) -> None:
     Raises
     ------
     InputError
+        If the numbers are in another unit.
     """
     other = foreign_unit(value, unit)
     if other is not None:

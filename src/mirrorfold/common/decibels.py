@@ -17,6 +17,9 @@ PASSED_COLOUR, PASSED_LABEL = "#7B3294", "seen through a wall"
 
 TRUTH_COLOUR = "#CC0000"
 
+NEPER = float(np.log(10.0)) / 20.0
+"""Nepers in a decibel: a level L [dB] is the natural logarithm ``NEPER L`` of a ratio of amplitudes."""
+
 Level = TypeVar("Level", float, Array)
 """A level in decibels, or an array of levels."""
 

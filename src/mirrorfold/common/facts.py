@@ -51,6 +51,7 @@ def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None
     Raises
     ------
     InputError
+        If an attribute has an impossible value.
     """
     for name, least in MEASURED.items():
         value = attrs.get(f"{prefix}{name}")
@@ -84,6 +85,7 @@ def check_unit(axis: xr.DataArray, source: str) -> None:
     Raises
     ------
     InputError
+        If the coordinate is in another unit.
     """
     unit = "degree" if axis.name in ("azimuth", "elevation") else "m"
     other = other_unit(axis.attrs.get("units"), unit)

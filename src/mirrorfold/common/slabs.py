@@ -121,17 +121,3 @@ def _coefficients(
     once = r * within * way
     passed = (1.0 - r**2) * entry * way * (1.0 / (1.0 - once**2))
     return r * front - passed * once, passed * straight
-
-
-def delay(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
-    """Length [m] by which a slab makes the way through it electrically longer, ``d (Re q - cos t)``."""
-    return np.asarray(thickness) * (inside(permittivity, angle).real - np.cos(angle))
-
-
-def shift(permittivity: ArrayLike, thickness: ArrayLike, angle: ArrayLike) -> Array:
-    """Distance [m] by which a slab shifts a ray parallel to itself, ``d sin t (1 - cos t / Re q)``.
-
-    It is the derivative of `delay` by the angle: an array that looks through the slab sees objects shifted by as much.
-    """
-    within = np.maximum(inside(permittivity, angle).real, np.finfo(float).tiny)
-    return np.asarray(thickness) * np.sin(angle) * (1.0 - np.cos(angle) / within)

@@ -9,6 +9,16 @@ from mirrorfold.common.types import Array
 SIGMA_PER_MEDIAN = 1.4826
 """Standard deviation of normally distributed errors over the median of their absolute values."""
 
+EQUAL_STEPS = 1e-3
+"""Largest spread of the steps of a regular axis, as a share of their mean."""
+
+
+def in_equal_steps(axis: Array) -> bool:
+    """Whether the values (n,) rise in equal steps, to `EQUAL_STEPS`; True for a single one."""
+    step = np.diff(axis)
+    rises = bool(np.isfinite(step).all() and (step > 0.0).all())
+    return rises and (not step.size or bool(np.ptp(step) <= EQUAL_STEPS * step.mean()))
+
 
 def mean_step(axis: Array) -> float:
     """Mean difference of neighbouring values (n,), in their unit; zero for a single one."""

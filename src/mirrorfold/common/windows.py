@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +51,17 @@ WINDOWS: dict[str, Callable[[int], NDArray[np.float64]]] = {
     "taylor": _taylor,
 }
 """The functions that make n weights, by the name of the window."""
+
+
+MOST_WEIGHTS = 4096
+"""Largest number of weights of a window known by name: a file may say that it has billions."""
+
+
+def known_weights(taper: Any, points: int) -> NDArray[np.float64]:
+    """Weights (n,) that a file tells: of a window by its name, or the user's own; empty if they are not known."""
+    with suppress(InputError):
+        return np.abs(window(taper, min(points, MOST_WEIGHTS) if isinstance(taper, str) else points, "taper"))
+    return np.zeros(0)
 
 
 def window(kind: str | ArrayLike | None, n: int, name: str) -> NDArray[np.complex128]:

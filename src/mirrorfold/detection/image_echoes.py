@@ -107,7 +107,7 @@ def _vertex(before: Array, at: Array, after: Array) -> Array:
 def find_pixels(view: ImageView, *, threshold_db: float) -> Echoes:
     """Echoes of the published algorithm: every sample above a threshold [dB] relative to the brightest sample.
 
-    Each echo weighs with the area of its sample.
+    The length of each echo is the area of its sample over the range cell [m].
     """
     brightest = float(view.amplitude.max())
     threshold = brightest * ratio_of(threshold_db)

@@ -14,7 +14,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.common.windows import window
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.exact.exact_sum import TABLE_BYTES
-from mirrorfold.focusing.grid import default_grid, extent
+from mirrorfold.focusing.grid import default_grid, extent, scene_centre
 from mirrorfold.focusing.problem import Problem, pixel_axis
 from mirrorfold.focusing.settings import FocusSettings
 from mirrorfold.sweep import (
@@ -60,7 +60,7 @@ def make_problem(sweep: xr.Dataset, settings: FocusSettings) -> tuple[xr.Dataset
     x, y, z = settings.x, settings.y, settings.z
     monostatic = "antenna_position" in sweep.variables
     tx, rx = antenna_positions(sweep)
-    centre = None if sweep.attrs.get("scene_center") is None else np.asarray(sweep.attrs["scene_center"], dtype=float)
+    centre = scene_centre(sweep)
     frequency = np.asarray(sweep["frequency"].values, dtype=np.float64)
     if len(tx) * (1 if monostatic else len(rx)) < 2 and (x is None or y is None or np.size(x) > 1 or np.size(y) < 2):
         raise InputError(
@@ -217,8 +217,8 @@ def _check_pixels(problem: Problem, ambiguous_range: float, centre: Array | None
     beyond = [name for name, span in zip("xyz", spans, strict=True) if span.max() > ambiguous_range]
     if beyond:
         warnings.warn(
-            f"{' and '.join(beyond)} reach beyond the ambiguous range of {ambiguous_range:.3g} m: what is imaged there "
-            "also stands nearer by that range",
+            f"{' and '.join(beyond)} {'reach' if len(beyond) > 1 else 'reaches'} beyond the ambiguous range of "
+            f"{ambiguous_range:.3g} m: what is imaged there also stands nearer by that range",
             stacklevel=5,  # the line that called `focus` or `FocusPlan`
         )
 

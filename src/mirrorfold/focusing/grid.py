@@ -13,6 +13,10 @@ from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import antenna_positions, wave_speed
 
+ENDLESS = 100.0
+"""A single frequency has no ambiguous range. The default grid then ends at this many times its near end, or around the
+centre of a scene this many range resolution cells to either side."""
+
 FIELD_OF_VIEW = 0.9
 """Half width of the default grid in cross-range over its far range: the sine of the largest angle off broadside. It is
 large because ghosts stand far to the side."""
@@ -116,7 +120,7 @@ def default_grid(
         return _square(
             limits, centre, float(np.linalg.norm(0.5 * (tx.mean(axis=0) + rx.mean(axis=0)) - centre)), maximum_pixels
         )
-    far = RANGE_SHARE * limits.ambiguous_range if np.isfinite(limits.ambiguous_range) else 100.0 * limits.near
+    far = RANGE_SHARE * limits.ambiguous_range if np.isfinite(limits.ambiguous_range) else ENDLESS * limits.near
     middle = 0.5 * (tx[:, 0].mean() + rx[:, 0].mean())
     side = FIELD_OF_VIEW * far
     pitch_y = limits.range_resolution / CELLS_PER_RESOLUTION
@@ -142,7 +146,7 @@ def _square(limits: Extent, centre: Array, distance: float, maximum_pixels: int)
     half = (
         0.5 * limits.ambiguous_range / np.sqrt(2.0)
         if np.isfinite(limits.ambiguous_range)
-        else 100.0 * limits.range_resolution
+        else ENDLESS * limits.range_resolution
     )
     cell = min(limits.range_resolution, max(distance, half) * limits.angle_resolution) / CELLS_PER_RESOLUTION
     pitch = max(cell, 2.0 * half / np.sqrt(maximum_pixels))
@@ -152,10 +156,12 @@ def _square(limits: Extent, centre: Array, distance: float, maximum_pixels: int)
 
 def sweep_grid(sweep: xr.Dataset) -> tuple[Array, Array]:
     """The default grid x, y [m] of a sweep, with the wave speed of the sweep: see `default_grid`."""
-    centre = sweep.attrs.get("scene_center")
     return default_grid(
-        sweep["frequency"].values,
-        *antenna_positions(sweep),
-        wave_speed(sweep),
-        centre=None if centre is None else np.asarray(centre, dtype=float),
+        sweep["frequency"].values, *antenna_positions(sweep), wave_speed(sweep), centre=scene_centre(sweep)
     )
+
+
+def scene_centre(sweep: xr.Dataset) -> Array | None:
+    """Centre (3,) [m] of the scene that antennas stand around, by the attr `scene_center`; None without it."""
+    centre = sweep.attrs.get("scene_center")
+    return None if centre is None else np.asarray(centre, dtype=float)

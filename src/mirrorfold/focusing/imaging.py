@@ -185,7 +185,8 @@ def _focus_frames(
     """
     goal = tolerance if goal is None else goal
     frame_progress = progress if len(frames) == 1 else None
-    proven = prove(problem, tolerance, frames[0], plans, len(frames), frame_progress, room, goal)
+    first = next((s for s in frames if np.any(s)), frames[0])  # an empty frame has no relative error
+    proven = prove(problem, tolerance, first, plans, len(frames), frame_progress, room, goal)
     if len(frames) == 1 and proven is not None:
         return proven.image[None], proven.error, proven.plan.algorithm
     plan, finer = None if proven is None else proven.plan, EXACT_SHARE * tolerance

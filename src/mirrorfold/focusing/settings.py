@@ -38,8 +38,9 @@ class FocusSettings(Settings):
     y: ArrayLike | None = setting(None, "Range of the pixels, likewise.", unit="m", kind="1D array", option=False)
     z: ArrayLike | None = setting(
         None,
-        "Height of the pixels: with a 1D array the image is a volume, with a number a plane. Default: 0, or the height "
-        "of an array that stands farther from there than it is long.",
+        "Height of the pixels: with a 1D array the image is a volume, with a number a plane. Default: that of the "
+        "attribute `scene_center`; without it 0, or the height of an array that stands farther from there than it is "
+        "long.",
         unit="m",
         kind="1D array or number",
         option=False,

@@ -122,6 +122,7 @@ def check_groups(reconstruction: xr.DataTree, *groups: str) -> None:
     Raises
     ------
     InputError
+        If a group is missing.
     """
     for group in groups:
         if group not in reconstruction.children:

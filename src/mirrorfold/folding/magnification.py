@@ -56,5 +56,6 @@ def magnified(way: Sequence[Mirror], points: Array, view: View | None) -> tuple[
     concave = any(mirror.curvature < 0.0 for mirror in way)
     caustic[concave & (width < 0.0)] = BEYOND
     if length:
+        # At the ends of the array, ``D / 2`` from its middle, the path is off by ``(D / 2)^2 / 2`` times the curvature.
         caustic[concave & (0.125 * length**2 * curvature > OUT_OF_FOCUS * view.wavelength)] = NEAR
     return np.hypot(width, blur), caustic

@@ -126,7 +126,7 @@ def draw(
     back = {index: fold.inverse if index != ROOT else fold for index, fold in flat.items()}
     maps = np.stack([_into_view(one, samples.frame, view.radar) for one in back.values()])
     crossing, through = map(np.ascontiguousarray, sight.passages)
-    empty = sight.open if sight.open.size else np.zeros(len(view.sight))
+    empty = sight.empty_up_to if sight.empty_up_to.size else np.zeros(len(view.sight))
     cover, side, shape = tuple(sight.cover), view.beside_steps(view.range), (*view.shape, 1)[:2]
     looked_up = samples.amplitude, samples.gain, side, shape, samples.grid
     seen = maps[0], crossing, through, cover, empty, wall_margin, blobs, *looked_up

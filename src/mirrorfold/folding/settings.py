@@ -33,7 +33,7 @@ class FoldSettings(Settings):
         None,
         "Shortest mirror; in a volume its least width and height. By default 7.75 resolution cells of the nearest "
         "echoes in images, five where what stands behind outshines the mirror, 7.5 of the middle ones in volumes. A "
-        "mirror that faces an array of 4.4 cells or more may be nine tenths of it.",
+        "mirror that faces an array at least 4.4 cells long may be as short as nine tenths of the array.",
         unit="m",
         lowest=1e-9,
     )
@@ -65,14 +65,14 @@ class FoldSettings(Settings):
     )
     copies: bool = setting(
         True,
-        "Whether, where the sweep is at hand, echoes are left out that follow stronger ones as most strong ones are "
-        "followed at that delay: copies that the tail of the pulse makes, or a layer in the wall of a mirror.",
+        "Whether, where the sweep is at hand, an echo is left out if most strong echoes have such a weaker one behind "
+        "them at the same delay: a copy that the tail of the pulse makes, or a layer in the wall of a mirror.",
         label="copies are left out",
     )
     rough_walls: bool = setting(
         True,
-        "Whether, in images, echoes behind a mirror are left out that stand where its rough wall scatters towards "
-        "another wall, or a bright object, and back; or to a bright object that sends it back by mirrors.",
+        "Whether, in images, echoes behind a mirror are left out that its rough wall may have made: it scatters waves "
+        "towards another wall or a bright object, from where they come back by the same way or by mirrors.",
         label="twice scattered echoes are left out",
     )
     close_gaps: bool = setting(

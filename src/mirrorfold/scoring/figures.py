@@ -102,8 +102,8 @@ def figures(
         f_score_cells=_harmonic_mean(*in_cells),
         cell_m=float(np.median(cell)) if cell is not None and len(cell) else None,
         chamfer_m=None if one_way is None or other_way is None else 0.5 * (one_way + other_way),
-        invented_fraction=1.0 - (_share(distance, INVENTED) or 0.0) if len(distance) else 0.0,
-        false_fraction=1.0 - (_share(distance, FALSE) or 0.0) if len(distance) else 0.0,
+        invented_fraction=float(np.mean(distance > INVENTED)) if len(distance) else 0.0,
+        false_fraction=float(np.mean(distance > FALSE)) if len(distance) else 0.0,
     )
 
 

@@ -25,8 +25,8 @@ TRUTH_SPACING = 0.005
 """Mean distance between samples of the true surfaces [m]: a quarter of the distance of a good point."""
 
 RING, GUARD = 0.10, 0.02
-"""A patch is compared with its surroundings up to the distance `RING` [m], without a strip of the width `GUARD` [m]
-along its edge, where the beam falls on both."""
+"""A patch is compared with its surroundings up to the distance `RING` [m], without a strip along its edge, where
+the beam falls on both: half of `GUARD` [m] inside of it, `GUARD` outside."""
 
 FAN = 81
 """Number of rays along each side of the scan that search for mirrors: in a scan of 80 degrees, one for each degree."""

@@ -65,7 +65,7 @@ def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple
     """
     sight = order.sight
     if opaque:
-        sight = replace(sight, open=sight.open_ranges(echoes.take(echoes.visible)))
+        sight = replace(sight, empty_up_to=sight.open_ranges(echoes.take(echoes.visible)))
     through = sight.through(echoes)
     owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, UNSEEN)
     if opaque:

@@ -11,8 +11,8 @@ from mirrorfold.common.types import Index
 from mirrorfold.detection import Echoes, View
 
 STRONG_SHARE = 0.75
-"""Share of the half-width of a beam up to which echoes are of one object. That far aside a beam has fallen by some
-30 dB, which is as much as bright echoes exceed the threshold."""
+"""Share of the half-width of a beam up to which echoes are of one object. That far aside the beam of an array has
+fallen by some 30 dB, which is as much as bright echoes exceed the threshold."""
 
 
 def object_numbers(view: View, echoes: Echoes, depth: float | None = None) -> Index:

@@ -32,7 +32,7 @@ of it and of something else spreads twice, and is weaker than its own echo."""
 
 OUTSHINES_DB = 6.0
 """An echo that exceeds the median of speckle by this many decibels is no speckle: the brightest of ten speckles exceeds
-their median by 5 dB."""
+their median by 6 dB on average."""
 
 OPEN_CELLS = 3.0
 """The radar's direct view counts as empty up to this many resolution cells before and beside each echo in it. Nearer
@@ -159,7 +159,7 @@ class LinesOfSight:
         What objects hide.
     chain : tuple of tuple of int
         Chain of each mirror in the tree; empty for mirrors that are not in the tree.
-    open : (n,) array [m]
+    empty_up_to : (n,) array [m]
         Range up to which the radar's direct view is empty in each direction; an empty array if that is not known.
     """
 
@@ -168,7 +168,7 @@ class LinesOfSight:
     parent: Index
     cover: Cover
     chain: tuple[Chain, ...] = ()
-    open: Array = field(default_factory=lambda: np.zeros(0))
+    empty_up_to: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def unfolded(cls, view: View) -> LinesOfSight:
@@ -178,7 +178,7 @@ class LinesOfSight:
 
     @cached_property
     def parent_of(self) -> Index:
-        """`parent` with two more entries, for the numbers `UNSEEN` and `ROOT`, which are their own."""
+        """`parent` with two more entries, so that the numbers `UNSEEN` and `ROOT` are their own parents."""
         return np.append(self.parent, [UNSEEN, ROOT])
 
     @cached_property
@@ -238,11 +238,11 @@ class LinesOfSight:
         return at_edge & self.seen_empty(fold(echoes.position))
 
     def seen_empty(self, places: Array) -> Mask:
-        """Which true places (n, d) [m] the radar's direct view shows to be empty, (n,); none if `open` is unknown."""
-        if not self.open.size:
+        """Which true places (n, d) [m] the radar's direct view shows to be empty, (n,); none if that is not known."""
+        if not self.empty_up_to.size:
             return np.zeros(len(places), dtype=bool)
         range_, direction, inside = self.view.locate(places)
-        return inside & (range_ < self.open[direction])
+        return inside & (range_ < self.empty_up_to[direction])
 
     def open_ranges(self, echoes: Echoes) -> Array:
         """Range up to which the radar's direct view is empty in each direction, (n,) [m]; 0 where it does not look."""

@@ -66,9 +66,11 @@ class Order:
 
     def images_in_corners(self) -> Mask:
         """Which mirrors are images of a known wall by way of both legs of a corner, (mirrors,)."""
-        return np.array([self._turns(index, mirror) for index, mirror in enumerate(self.mirrors)], dtype=bool)
+        return np.array(
+            [self._is_seen_in_both_legs(index, mirror) for index, mirror in enumerate(self.mirrors)], dtype=bool
+        )
 
-    def _turns(self, index: int, mirror: Mirror) -> bool:
+    def _is_seen_in_both_legs(self, index: int, mirror: Mirror) -> bool:
         """Whether a mirror is seen in the leg of a corner, and is the image of a known wall in both of its legs."""
         leg = int(self.sight.parent[index])
         if leg < 0 or not isinstance(self.sight.view, ImageView) or not isinstance(mirror, LineMirror):
@@ -238,10 +240,10 @@ def _with_images(parent: Index, mirrors: Sequence[Mirror], crossing: Array, view
     return parent
 
 
-def is_image(mirror: Mirror, true: Array, walls: Sequence[Mirror], view: ImageView) -> bool:
-    """Whether a mirror whose ends stand at `true` places (2, 2) [m] lies on one of the walls, to a resolution cell."""
+def is_image(mirror: Mirror, places: Array, walls: Sequence[Mirror], view: ImageView) -> bool:
+    """Whether a mirror whose ends stand at `places` (2, 2) [m] lies on one of the walls, to a resolution cell."""
     along, across = view.extent(mirror.ends, np.stack([mirror.tangents[0], mirror.normal], axis=1)).T
-    return any(wall.holds(true, across, along.max()).all() for wall in walls if isinstance(wall, LineMirror))
+    return any(wall.holds(places, across, along.max()).all() for wall in walls if isinstance(wall, LineMirror))
 
 
 def vertices_of(leg: Mirror, view: ImageView) -> Array:

@@ -24,7 +24,7 @@ from mirrorfold.tree.assignment import AT_EDGE, ITSELF, Found, assign_echoes, at
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
-from mirrorfold.tree.explaining.corners import vertices
+from mirrorfold.tree.explaining.corners import row_crossings
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
 from mirrorfold.tree.explaining.half_shadows import Overhangs
 from mirrorfold.tree.explaining.lobes import LOBE
@@ -139,7 +139,7 @@ def _new_corners(mirrors: Sequence[Mirror], view: View, measured: Measured) -> A
     """
     if measured.corners is None or not isinstance(view, ImageView):
         return np.zeros((0, 2))
-    asked = vertices(mirrors)
+    asked = row_crossings(mirrors)
     asked = asked[~view.near_corner(asked)]
     return asked[measured.corners(asked)]
 

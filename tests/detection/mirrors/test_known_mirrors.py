@@ -184,7 +184,7 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
     mirrors = [(ROOT, Isometry.identity()), *((i, folds[chain]) for i, chain in enumerate(sight.chain))]
     blobs = owned_blobs(fold_back(tree), sight)
     own, ahead, looked = polar.locate(grid)
-    empty = looked & (own < sight.open[ahead])
+    empty = looked & (own < sight.empty_up_to[ahead])
     for mirror, fold in mirrors:
         range_, column, inside = polar.locate(fold.inverse(grid))
         amplitude = np.where(inside, between_samples(polar, fold.inverse(grid)), 0.0)

@@ -20,7 +20,7 @@ from mirrorfold.detection.image_echoes import find_pixels, find_ridges
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.fit import refined
 from mirrorfold.detection.search.fronts import Front, find_front
-from mirrorfold.detection.search.lines import DEEP, LOBE
+from mirrorfold.detection.search.lines import DEEP, PROFILE
 
 
 def bare_mirrors(echoes, view, monkeypatch):
@@ -285,7 +285,7 @@ def test_a_line_a_little_wrong_is_refined_to_the_image():
     # Half a degree and half a centimetre off.
     wrong = LineMirror(start + np.array([0.0, 0.009]), end + np.array([0.0, 0.001]))
     assert errors(wrong, start, end)[0] > 0.4
-    angle, offset = errors(refined(wrong, view, *LOBE)[0], start, end)
+    angle, offset = errors(refined(wrong, view, *PROFILE)[0], start, end)
     assert angle < 0.05
     assert offset < 0.2
 

@@ -48,6 +48,17 @@ def test_peaks_have_the_range_to_a_fraction_of_a_sample():
         assert np.linalg.norm(cloud.position[best] - [0.0, distance, 0.0]) < 1e-3
 
 
+@pytest.mark.parametrize("name", ["uniform", "hann", "taylor"])
+def test_side_lobes_and_cells_are_those_of_the_users_own_weights(name):
+    """Whether a window is given by its name or by its weights, the volume's view knows it."""
+    scan = point_sweep((0.0, 1.2, 0.0), noise=0.003)
+    by_name, own = (
+        to_volume_view(focus_raster(scan, taper=taper)) for taper in (name, window(name, FREQUENCY.size, "taper"))
+    )
+    assert own.range_cell == pytest.approx(by_name.range_cell, rel=0.02)
+    assert own.side_lobes[:50] == pytest.approx(by_name.side_lobes[:50], rel=0.05)
+
+
 def test_normalization_undoes_the_spreading():
     sweep = point_sweep((0.0, 1.2, 0.0), noise=0.01)
     width = beam_radius(1.2, wavelength=speed_of_light / FREQUENCY.mean(), **SPOT)
@@ -91,6 +102,7 @@ def test_scans_that_look_aside_or_back_are_seen_from_above_and_in_voxels(angle):
         (lambda v: v[:, ::-1], "azimuth does not rise; sort it"),
         (lambda v: v[:, :, ::-1], "elevation does not rise; sort it"),
         (lambda v: v[np.r_[:40, 60 : v.sizes["range"]]], "range does not rise in equal steps"),
+        (lambda v: v.assign_coords(elevation=v["elevation"] + 95.0), "elevations go beyond -90 to 90 degrees"),
         (lambda v: v[:, :1], "needs a coordinate azimuth .* with at least 2 values"),
         (lambda v: v[:1], "needs a coordinate range .* with at least 2 values"),
         (lambda v: v.drop_vars("azimuth"), "needs a coordinate azimuth"),

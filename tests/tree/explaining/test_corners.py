@@ -10,7 +10,7 @@ from synthetic import diffuse, on_line, radar_view, together
 
 import mirrorfold as mf
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.tree.explaining.corners import bright_places, vertices
+from mirrorfold.tree.explaining.corners import bright_places, row_crossings
 from mirrorfold.tree.explaining.misplaced import are_corners
 from mirrorfold.tree.explaining.waves import SweepWaves
 
@@ -38,9 +38,9 @@ def test_one_transmitter_tells_no_corner():
 
 def test_rows_that_cross_have_a_vertex():
     rows = [([-0.2, 1.0], [0.2, 1.4]), ([0.1, 1.1], [-0.1, 1.3]), ([0.3, 1.0], [0.3, 2.0]), ([0.15, 1.9], [0.35, 1.7])]
-    crossed = vertices([LineMirror(np.array(start), np.array(end)) for start, end in rows])
+    crossed = row_crossings([LineMirror(np.array(start), np.array(end)) for start, end in rows])
     assert_allclose(crossed, [[0.0, 1.2], [0.3, 1.75]], atol=1e-12)
-    assert vertices([]).shape == (0, 2)
+    assert row_crossings([]).shape == (0, 2)
 
 
 @pytest.mark.parametrize(("db", "bright"), [(12.0, False), (22.0, True)])

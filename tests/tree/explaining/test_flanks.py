@@ -9,7 +9,7 @@ import pytest
 from synthetic import echoes_at, empty_view
 
 from mirrorfold.tree.explaining.behind_walls import BEHIND
-from mirrorfold.tree.explaining.flanks import AS_BRIGHT_DB, FLANK_CELLS, WAVES, flanks
+from mirrorfold.tree.explaining.flanks import AS_BRIGHT_DB, ASIDE_CELLS, FLANK_CELLS, flanks
 from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.reflected_on import REFLECTED_ON
 
@@ -24,7 +24,7 @@ def beside(cells_in_range, cells_in_direction):
     return range_ * np.array([u, np.sqrt(1.0 - u**2)])
 
 
-CELLS = np.array([FLANK_CELLS, WAVES[REFLECTED_ON]])
+CELLS = np.array([FLANK_CELLS, ASIDE_CELLS[REFLECTED_ON]])
 """How far the flanks of a wave reach in range and in direction, in resolution cells."""
 
 

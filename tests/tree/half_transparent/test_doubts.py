@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mirrorfold.common.slabs import POLARIZATIONS, slab
-from mirrorfold.tree.half_transparent.doubts import passage
+from mirrorfold.tree.half_transparent.doubts import passage_by_polarization
 from mirrorfold.tree.half_transparent.panes import Pairs
 
 K = 2.0 * np.pi * np.linspace(117e9, 127e9, 15) / 299792458.0
@@ -33,7 +33,7 @@ def probability(wall, degrees, passed=False, prefer_db=0.0):
     waves[1] = waves[1] * 10.0 ** (np.reshape(prefer_db, (-1, 1)) / 20.0)
     power = np.mean(np.abs(waves) ** 2, axis=(0, 2))[:, None]
     te, tm = (wave + LEVEL * np.sqrt(0.5 * power) * gaussian(K.size) for wave in waves)
-    window, each = passage(Pairs(te, tm, angle, K, np.full(angle.size, LEVEL**2), 5.0, 0.025))
+    window, each = passage_by_polarization(Pairs(te, tm, angle, K, np.full(angle.size, LEVEL**2), 5.0, 0.025))
     return window * each
 
 

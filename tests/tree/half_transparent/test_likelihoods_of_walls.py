@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.special import gammaln, logsumexp
+from through_slabs import delay
 
-from mirrorfold.common.slabs import POLARIZATIONS, delay, slab
+from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.tree.half_transparent.glint_likelihoods import GATE, GATE_SHARE, LEVELS, SCALES, UNLIKE
 from mirrorfold.tree.half_transparent.misfits import WORTH_SHARING
 from mirrorfold.tree.half_transparent.panes import Pairs

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from through_slabs import delay, shift
 
-from mirrorfold.common.slabs import POLARIZATIONS, delay, shift, slab
+from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane

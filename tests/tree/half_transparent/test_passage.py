@@ -20,7 +20,7 @@ from mirrorfold.tree.half_transparent.guessed import (
     _of_marked_objects,
     _shown,
     guess_transparent,
-    passage,
+    passage_by_geometry,
 )
 from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -73,7 +73,7 @@ def near(echoes, place):
 
 
 def passed(found, node, view):
-    return passage(found, view, node, prolonged_where_hidden(found))
+    return passage_by_geometry(found, view, node, prolonged_where_hidden(found))
 
 
 @pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])

@@ -176,7 +176,7 @@ class ArcMirror(Mirror[ImageView]):
     def holds(self, points: Array, beside: Array | float, beyond: float) -> Mask:
         """Whether points (n, 2) lie at most `beside` [m] from the circle and `beyond` [m] past the ends, (n,).
 
-        Both ends count along the arc.
+        `beyond` is measured along the arc.
         """
         along = self.along(points)
         inside = (along >= -beyond) & (along <= self.length + beyond)

@@ -56,7 +56,7 @@ def fit_covariance(mirror: Mirror, offset: Array, normal: Array, tangents: Seque
     tangents : sequence of (n, d) arrays
         Unit vectors along the mirror there.
     way : (n,) array [m]
-        Distance of there from the middle of the mirror, along the mirror.
+        Distance along the mirror from its middle to the point of contact.
     """
     errors = mirror.offset_error, mirror.angle_error, mirror.curvature_error
     shift, angle, bend = (float(np.nan_to_num(error)) for error in errors)

@@ -24,8 +24,8 @@ right angles blur up to two thirds of what is seen of one of them."""
 
 LEG_SHARE = 0.65
 """Least length of the legs of a corner whose vertex is known, as a share of the least length of mirrors: five
-resolution cells. Each leg shows the image of the other one, which continues that one straight. So the image shows a row
-of twice the length, which is long enough to be known as straight."""
+resolution cells. Each leg is the mirror in which the other leg seems to go on straight beyond the vertex. So the image
+shows a row of twice the length, which is long enough to be known as straight."""
 
 END_CELLS = 0.6
 """Length that profiles leave out at either end of a row, as a share of the resolution cell along it, if the cell lies

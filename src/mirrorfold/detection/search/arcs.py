@@ -33,8 +33,8 @@ from mirrorfold.detection.search.circles import (
 from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, kink_residual, power_centroids
 from mirrorfold.detection.search.growing import clipped_weight, drawn
 from mirrorfold.detection.search.joined import fitted_together, s_shaped
-from mirrorfold.detection.search.lines import LOBE
-from mirrorfold.detection.search.rows import heaviest_row, longest_run, without_gaps
+from mirrorfold.detection.search.lines import PROFILE
+from mirrorfold.detection.search.rows import HARDLY, heaviest_row, longest_run, without_gaps
 from mirrorfold.detection.views.image_view import ImageView
 
 SHORTEST_CELLS = 4.5
@@ -316,7 +316,7 @@ class _Arcs:
 
     def _centroids(self, arc: ArcMirror) -> tuple[Array, Array]:
         """Centroids of power across an arc (n, 2), and their weights (n,); none of them where there are too few."""
-        points, weight = power_centroids(arc, self.view, *LOBE)
+        points, weight = power_centroids(arc, self.view, *PROFILE)
         enough = len(points) if len(points) >= 2 * FEWEST_BLOCKS else 0
         return points[:enough], weight[:enough]
 
@@ -354,7 +354,7 @@ class _Arcs:
         whole = replace(arc, first=float(towards) - np.pi, span=2.0 * np.pi)
         along, own = whole.along(near), whole.along(arc.ends)
         inside = (along >= own.min()) & (along <= own.max())
-        row = along[self._row(whole, near, np.where(inside, 1.0, 1e-6))]
+        row = along[self._row(whole, near, np.where(inside, 1.0, HARDLY))]
         return whole.part(min(float(row.min()), float(own.min())), max(float(row.max()), float(own.max())))
 
     def _with_errors(self, arc: ArcMirror, points: Array, trust: Array) -> ArcMirror:

@@ -90,8 +90,8 @@ def proposed(points: Array, weight: Array, cells: Array, radar: Array, random: n
         return None
     middle, radius, seeds = middle[valid], radius[valid], seeds[valid]
     beside = cdist(middle, points) - radius[:, None]
-    on_it = (np.abs(beside) < 0.5 * NEAR * cell) & (distance[valid] < 2.0 * REACH_CELLS * cell)
     reach = 0.5 * NEAR * cell
+    on_it = (np.abs(beside) < reach) & (distance[valid] < 2.0 * REACH_CELLS * cell)
     votes = np.where(on_it, 1.0 - (beside / reach) ** 2, 0.0) @ weight
     best, row = _most_bent(
         middle, radius, beside / reach, on_it, np.argsort(-votes), votes, points, weight, cells, reach

@@ -19,7 +19,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import SPACING, LineMirror
 from mirrorfold.detection.search.fit import refined
-from mirrorfold.detection.search.lines import LOBE
+from mirrorfold.detection.search.lines import PROFILE
 from mirrorfold.detection.search.rows import GAP_CELLS
 from mirrorfold.detection.views.image_view import ImageView
 
@@ -146,7 +146,7 @@ def _on_faint_line(mirror: LineMirror, view: ImageView) -> LineMirror:
     count = int(np.ceil(SEARCH_ERRORS * min(mirror.offset_error / across, 1.0) * STEPS))
     cells = (np.arange(-count, count + 1) / STEPS).tolist()
     brightest = across * cells[np.argmax(np.median(_levels(mirror, view, cells), axis=0))]
-    line, _ = refined(mirror.moved(mirror.normal, mirror.center + brightest * mirror.normal), view, *LOBE)
+    line, _ = refined(mirror.moved(mirror.normal, mirror.center + brightest * mirror.normal), view, *PROFILE)
     both = float(np.hypot(mirror.offset_error, line.offset_error))
     towards = (mirror.offset_error / both) ** 2 * mirror.beside(line.center) * mirror.normal
     moved = mirror.moved(mirror.normal, mirror.center + towards)

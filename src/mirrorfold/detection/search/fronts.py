@@ -40,8 +40,8 @@ BEFORE, BEYOND = 4.0, 2.0
 deepest wall."""
 
 SHIFTS = np.arange(-4.0, 0.6, STEP)
-"""Depths of the face that are tried, in standard deviations behind the centroids of power: the mean depth of a wall
-that scatters down to `THICKEST` is at most half of that."""
+"""Depths of the face that are tried, in standard deviations behind the centroids of power: the mean depth of a slab
+is at most 3.5, with `THICKEST` and `LARGEST_BACK`."""
 
 THINNEST, THICKEST, THICKNESSES = 0.5, 5.0, 8
 """Least and largest thickness of slabs, in standard deviations of the cell, and number of thicknesses: thinner slabs

@@ -26,7 +26,7 @@ from mirrorfold.detection.search.fit import (
 from mirrorfold.detection.search.fronts import Front, find_front
 from mirrorfold.detection.search.growing import NEAR, Search
 from mirrorfold.detection.search.remembered import remembered
-from mirrorfold.detection.search.rows import heaviest_row
+from mirrorfold.detection.search.rows import HARDLY, heaviest_row
 from mirrorfold.detection.search.side_lobes import are_side_lobes
 from mirrorfold.detection.search.thick_walls import normal_by_speckle
 from mirrorfold.detection.views.image_view import ImageView
@@ -74,7 +74,7 @@ ON_LINE, BEFORE_LINE = 0.75, (1.0, 2.5)
 """Half-width of the band on a mirror's line, and where the band in front of it begins and ends, in resolution cells
 across the line: both are 1.5 cells wide."""
 
-LOBE = 0.75, 0.5, 4.0
+PROFILE = 0.75, 0.5, 4.0
 """Arguments `reach`, `lobe` and `clip` of `power_centroids` for lines: half-length of the profiles across the mirror,
 in resolution cells across it; least amplitude of their main lobe relative to the peak, as in the definition of the
 cell; and largest weight, in multiples of the median power."""
@@ -188,8 +188,7 @@ class _Lines(Search[LineMirror]):
         on_it = np.abs(mirror.beside(points)) <= NEAR * self.view.extent(points, mirror.normal)
         near = points[on_it]
         position = mirror.along(near)
-        # With these weights, the row chosen is the mirror's own, not another one on the same line.
-        weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, 1e-6)
+        weight = np.where((position >= 0.0) & (position <= mirror.length), 1.0, HARDLY)
         row = heaviest_row(position, self.view.extent(near, mirror.direction), weight)
         own = self.every.take(np.flatnonzero(self.every.visible)[on_it][row])
         longer = self._without_shining_ends(self._continued(mirror, own), own)
@@ -314,7 +313,7 @@ class _Lines(Search[LineMirror]):
 @remembered
 def _fit(mirror: LineMirror, view: ImageView) -> tuple[LineMirror, float]:
     """The line through the centroids of power across the mirror, see `fit.refined`."""
-    return refined(mirror, view, *LOBE)
+    return refined(mirror, view, *PROFILE)
 
 
 @remembered
@@ -331,7 +330,7 @@ def _split(mirror: LineMirror, view: ImageView) -> tuple[float, float, float, fl
     Also the share of its places from which this follows, zero where there are too few.
     """
     # Clipped at one, the weights of bright places are no larger than those of others.
-    points, weight = power_centroids(mirror, view, *LOBE[:2], clip=1.0)
+    points, weight = power_centroids(mirror, view, *PROFILE[:2], clip=1.0)
     along, beside = mirror.along(points), mirror.beside(points)
     # The last cell at either end may also show the neighbouring wall, as in the corner of a room.
     first, last = view.extent(mirror.ends, mirror.direction)

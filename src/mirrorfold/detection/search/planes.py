@@ -48,7 +48,7 @@ SMALLEST_INNER = 0.2
 of the share, and edges turn planes by three to six standard errors."""
 
 PROFILE = 1.7, 0.01, 0.01
-"""Arguments `reach`, `lobe` and `clip` of `power_centroids` for planes. Unlike `LOBE` of lines, the profiles hold the
+"""Arguments `reach`, `lobe` and `clip` of `power_centroids` for planes. Unlike `lines.PROFILE`, the profiles hold the
 whole footprint and all that scatters inside. All places have the same weight, because the centroids of bright ones lie
 deeper."""
 

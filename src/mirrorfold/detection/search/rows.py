@@ -9,6 +9,10 @@ import numpy as np
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index, Mask
 
+HARDLY = 1e-6
+"""Weight of echoes outside of a known row: the heaviest row is then the known one, not another one on the same line,
+and still goes on along them."""
+
 GAP_CELLS = 3.0
 """Largest gap in a row of echoes, in resolution cells: speckle fades over one or two."""
 

@@ -16,8 +16,9 @@ from mirrorfold.detection.search.remembered import remembered
 from mirrorfold.detection.views.image_view import ImageView
 
 LARGEST_TURN_DEG, TURNS = 0.8, (17, 9)
-"""Largest angle [degree] by which the speckle of a thick wall may have turned the line through it: 1 cm of depth over
-1 m. And numbers of angles that are tried: over that interval, and then between the neighbours of the best angle."""
+"""Largest angle [degree] by which the speckle of a thick wall may have turned the line through it, as a depth of 1.4 %
+of its length would. And numbers of angles that are tried: over that interval, and then between the neighbours of the
+best angle."""
 
 BEHIND = 2.0
 """Half-length, in resolution cells across the wall, of the profiles that show what scatters behind its face."""
@@ -36,7 +37,7 @@ SPECKLE_FLOOR = 1e-4
 def normal_by_speckle(mirror: LineMirror, view: ImageView) -> Array | None:
     """Normal of the mirror of a thick wall, turned to the angle at which the wall's speckle is likeliest, (2,).
 
-    None if no angle up to `LARGEST_TURN_DEG` is likeliest: then other things than the wall's speckle decide.
+    None if the likeliest angle is `LARGEST_TURN_DEG` itself: then something else than the wall's speckle decides.
 
     The power of speckle is distributed exponentially (Goodman 2007), with a mean that depends on the depth z behind the
     face alone. With that mean, m(z), taken from the wall itself, the likelihood is largest where the mean of ``ln

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -17,15 +16,12 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
-from mirrorfold.common.windows import cell_of, half_amplitude_width, window
+from mirrorfold.common.windows import MOST_WEIGHTS, cell_of, half_amplitude_width, known_weights
 from mirrorfold.detection.echoes import noise_level
 from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, UNIFORM_CELL, ImageView, uniform_cell
 from mirrorfold.detection.views.resampling import interpolated, sampled
 from mirrorfold.detection.views.view import check_samples
 from mirrorfold.errors import InputError
-
-MOST_WEIGHTS = 4096
-"""Largest number of weights of a window known by name: a file may say that it has billions."""
 
 SAMPLE_BYTES = 64
 """Memory [bytes] of a polar sample during resampling: its position, its pixel coordinates, real and imaginary part."""
@@ -150,7 +146,7 @@ def _known_cell(attrs: dict[Any, Any]) -> tuple[float, float, Array, float, Arra
     low, high = attrs["frequency_start"], attrs["frequency_stop"]
     speed = float(attrs.get("wave_speed", speed_of_light))
     wavelength = speed / (0.5 * (low + high))
-    weights = _weights(attrs.get("taper", "hann"), points)
+    weights = known_weights(attrs.get("taper", "hann"), points)
     range_cell = cell_of(weights) * 0.5 * speed / ((high - low) * points / (points - 1))
     aperture /= wavelength
     if attrs.get("monostatic"):  # one antenna goes along the aperture: sinc(2 D u)
@@ -160,13 +156,6 @@ def _known_cell(attrs: dict[Any, Any]) -> tuple[float, float, Array, float, Arra
 
 
 def _widening(apodization: ArrayLike) -> float:
-    """By how much a window over the antennas widens the main lobe, if it is known by its name."""
-    weights = _weights(apodization, MOST_WEIGHTS) if isinstance(apodization, str) else np.zeros(0)
+    """By how much a window over the antennas widens the main lobe; 1 for one that is not known by its name."""
+    weights = known_weights(apodization, MOST_WEIGHTS) if isinstance(apodization, str) else np.zeros(0)
     return half_amplitude_width(weights) / half_amplitude_width(np.ones(MOST_WEIGHTS)) if weights.size else 1.0
-
-
-def _weights(taper: ArrayLike, points: int) -> Array:
-    """Weights over frequency, (n,): those of a window by its name, or the user's own; empty if they are not known."""
-    with suppress(InputError):
-        return np.abs(window(taper, min(points, MOST_WEIGHTS) if isinstance(taper, str) else points, "taper"))
-    return np.zeros(0)

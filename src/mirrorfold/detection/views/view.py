@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
+from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.common.windows import cell_of
 from mirrorfold.detection.echoes import Echoes, strongest_of
@@ -315,7 +316,7 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
             raise InputError(f"image: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
         check_unit(image[name], "image")
         step = np.diff(image[name].values.astype(float))
-        if not np.isfinite(step).all() or step.mean() <= 0 or np.ptp(step) > 1e-3 * step.mean():
+        if not in_equal_steps(image[name].values.astype(float)):
             falls = np.isfinite(step).all() and (step < 0.0).all()
             remedy = f"turn it over by image.sortby({name!r})" if falls else "resample to a regular grid"
             raise InputError(f"image: the coordinate {name} does not rise in equal steps; {remedy}")

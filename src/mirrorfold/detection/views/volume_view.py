@@ -14,14 +14,14 @@ from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, bea
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.facts import VOLUME, radar_place
 from mirrorfold.common.types import Array, Complex, Index
-from mirrorfold.common.windows import WINDOWS, cell_of, hann, side_lobe_envelope
+from mirrorfold.common.windows import cell_of, hann, known_weights, side_lobe_envelope
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
 from mirrorfold.detection.views.view import View, check_samples, in_pieces
 from mirrorfold.errors import InputError
-from mirrorfold.focusing.scans.range_profiles import angle_table, beams_of, magnitudes, spreading
+from mirrorfold.focusing.scans.range_profiles import beams_of, magnitudes, spreading
 
 WINDOW_POINTS = 2048
-"""Number of weights of the window over frequency from which side lobes are computed: a scan does not keep its own."""
+"""Number of weights of a window over frequency that is known by its name, from which side lobes are computed."""
 
 DYNAMIC_RANGE_DB = -80.0
 """Least level [dB] of an echo, relative to the brightest one, however low the noise: no instrument's beam or window is
@@ -204,7 +204,6 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     """
     check_samples(volume, VOLUME)
     range_, azimuth, elevation = (volume[name].values.astype(float) for name in volume.dims)
-    angle_table(azimuth)
     amplitude = magnitudes(beams_of(volume))
     if not amplitude.any():
         raise InputError("image: every pixel is zero; there is nothing to fold")
@@ -220,8 +219,8 @@ def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) ->
     if np.ptp(done) > 0.0:
         amplitude = np.divide(amplitude, np.maximum(done, np.finfo(np.float32).tiny), dtype=np.float32)
     radar = radar_place(attrs)
-    taper = WINDOWS.get(str(attrs.get("taper", "hann")))
-    weights = np.zeros(0) if taper is None else np.asarray(taper(WINDOW_POINTS))
+    taper = attrs.get("taper", "hann")
+    weights = known_weights(taper, WINDOW_POINTS if isinstance(taper, str) else np.size(taper))
     range_cell = max(cell_of(weights) * float(attrs.get("range_resolution", step)), 2.0 * step)
     gain = spreading(attrs, range_, frequency, chosen, "image")
     noise = noise_level(amplitude)

@@ -63,8 +63,8 @@ def room_for_tables(problem: Problem, frames: int, limit: float | None, *, sampl
     samples_held : bool
         Whether the samples are in memory already, so that only their copies need more.
     """
-    copies = SAMPLE_COPIES - 1 if samples_held else SAMPLE_COPIES
-    held = CODE_BYTES + copies * samples_bytes(problem) + 8.0 * problem.pixels * frames
+    in_memory = frames * samples_bytes(problem) if samples_held else 0.0
+    held = CODE_BYTES + sum(held_parts(problem, frames).values()) - in_memory
     return ROOM_SHARE * (room_below(limit) - held)
 
 

@@ -91,6 +91,6 @@ def _design(problem: Problem, tolerance: float) -> tuple[int, int, float] | None
 
 
 def gated_frequencies(problem: Problem, tolerance: float) -> int:
-    """Number of frequencies that `gated` will leave."""
+    """Number of frequencies that `gated` will leave, to within one."""
     design = _design(problem, tolerance)
     return problem.k.size if design is None else ceil((problem.k.size + 2 * design[1]) / design[0])

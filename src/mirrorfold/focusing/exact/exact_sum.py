@@ -57,6 +57,7 @@ def _tiles(problem: Problem, largest_diagonal: float) -> list[tuple[slice, slice
     most = tile_pixels(problem)
     sizes = [1, 1, 1]
     limit = largest_diagonal / np.sqrt(3.0)
+    # First 32 x 16 pixels along x and y, `TILE_PIXELS`; then as many more along y, x and z as there is room for.
     for axis, share in ((2, 32), (1, 16), (0, 1), (1, most), (2, most), (0, most)):
         n = axes[axis].size
         pitch = abs(axes[axis][-1] - axes[axis][0]) / max(n - 1, 1)
@@ -88,7 +89,7 @@ def _pair_data(problem: Problem, s: NDArray[np.complex64], i: int, folded: bool)
 def focus_exact(
     problem: Problem,
     s: NDArray[np.complex64],
-    tolerance: float = 1e-5,
+    tolerance: float,
     progress: Progress | None = None,
     where: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.complex64]:

@@ -44,6 +44,9 @@ CALLS_TO_DIVIDE = 2.0
 SLAB_RATIO = 2.0
 """Largest ratio of the distances of pixels in one slab: its bands are those of the nearest pixels, which are widest."""
 
+NEAREST_SHARE = 1e-3
+"""Smaller distances, as a share of the largest, count as this: pixels may lie between the antennas, at no distance."""
+
 SPREAD_ANGLES = 5
 """Pixels along each axis of a slab at which the band is computed, besides those nearest to the antennas."""
 
@@ -144,7 +147,8 @@ class Slab:
         self._pixels = np.stack(np.meshgrid(*few, indexing="ij"), axis=-1).reshape(-1, 3)
         self._sides: dict[tuple[bool, bytes], Side] = {}
         self.whole = self._divided(self._undivided(np.arange(len(problem.tx)), np.arange(len(problem.rx))))
-        turned = 0.5 * problem.pixels * self._speed.turn  # paths over two centres; merging takes four
+        # The last turn takes off the phase of one centre, of 2 paths; a merge exchanges two centres, of 4 paths.
+        turned = 0.5 * problem.pixels * self._speed.turn
         last = _work(self.whole.counts, problem.shape) * self._speed.multiply + turned
         used = {(n, step) for block in self.whole.walk() for n, step in enumerate(block.steps)}
         work = sum(self.axes[n].work(step) for n, step in used)
@@ -301,7 +305,7 @@ class FactorizedPlan:
         rows = tuple(_slabs(problem))
         slabs = tuple(Slab(problem.on(problem.x, problem.y[part], problem.z), tolerance) for part in rows)
         if not any(slab.whole.parts for slab in slabs):
-            raise UnsuitedError("no block of the array sees the pixels from one side")
+            raise UnsuitedError("no part of the image is made faster by dividing the array")
         return Division(slabs, rows, sum((slab.cost for slab in slabs), Cost()))
 
     @property
@@ -328,7 +332,7 @@ def _slabs(problem: Problem) -> list[slice]:
     ahead = np.maximum(np.maximum(low[1] - problem.y, problem.y - high[1]), 0.0)
     distance = np.sqrt(ahead**2 + aside[0] ** 2 + aside[1] ** 2)
     octave = np.floor(
-        np.log(np.maximum(distance / max(distance.min(), 1e-3 * distance.max()), 1.0)) / np.log(SLAB_RATIO)
+        np.log(np.maximum(distance / max(distance.min(), NEAREST_SHARE * distance.max()), 1.0)) / np.log(SLAB_RATIO)
     )
     cuts = [0, *(np.flatnonzero(np.diff(octave)) + 1), problem.y.size]
     return [slice(a, b) for a, b in pairwise(cuts)]

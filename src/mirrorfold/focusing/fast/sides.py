@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.types import Array, Index
 
 
@@ -24,9 +25,9 @@ class Side:
     extent : float [m]
         Largest extent of the antennas along an axis.
     halves : tuple of two int arrays
-        Indices of the antennas, halved along that axis.
+        Indices of the antennas in two halves, cut square to the axis along which they extend most.
     from_centre : (pixels, 3) array
-        Unit vectors from there to pixels.
+        Unit vectors from the centre to the pixels.
     low, high : (pixels, 3) arrays
         Least and largest components of the unit vectors from the antennas to these pixels.
     """
@@ -65,5 +66,4 @@ def _outermost(antennas: Array) -> Array:
 
 def _towards(antennas: Array, pixels: Array) -> Array:
     """Unit vectors (n, m, 3) from antennas (n, 3) to pixels (m, 3)."""
-    offset = pixels[None] - antennas[:, None]
-    return np.asarray(offset / np.maximum(np.linalg.norm(offset, axis=-1, keepdims=True), 1e-12))
+    return unit_or_zero(pixels[None] - antennas[:, None])

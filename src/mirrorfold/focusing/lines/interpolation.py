@@ -124,8 +124,8 @@ def triangular_kernel(width: int, oversampling: float, prefiltered: bool) -> Ker
 def taper_kernel(width: int, oversampling: float, taper: NDArray[np.complex128]) -> Kernel:
     """Kernel for a spectrum with the power of a taper over frequency."""
     shape = np.linspace(-1.0, 1.0, BAND_SAMPLES)
-    power = np.interp(shape, np.linspace(-1.0, 1.0, taper.size), np.abs(taper) ** 2) if taper.size > 1 else np.ones(1)
-    return fit_kernel(width, shape * np.pi / oversampling, power + np.zeros(shape.size))
+    power = np.interp(shape, np.linspace(-1.0, 1.0, taper.size), np.abs(taper) ** 2)
+    return fit_kernel(width, shape * np.pi / oversampling, power)
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)

@@ -104,7 +104,7 @@ class Lattice:
         return self.concentric and self.regular
 
     def curvature(self, problem: Problem) -> float:
-        """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: without it E is halved."""
+        """Half of the largest factor [m^2] of ``(1 - u^2) / r`` in a pair's path: without it E spans half as much."""
         tx, rx = ((a - f) @ self.frame[0] for a, f in zip((problem.tx, problem.rx), self.foci, strict=True))
         return 0.25 * float((tx[self.tx] ** 2 + rx[self.rx] ** 2).max())
 

@@ -35,8 +35,15 @@ END_SAMPLES = 20
 CANDIDATES = 350
 """Least number of pixels that are drawn as candidates for nodes."""
 
+PAIRS_A_RADIAN, CANDIDATES_A_RADIAN = 10.0, 15.0
+"""Further pairs and candidates for each radian of the largest curvature phase, with which the number of nodes grows."""
+
 TEST_POINTS = 250
 """Number of random pixels, and of random pairs, on which V is tested between the Chebyshev points."""
+
+ACCEPTED, NO_GAIN, FINER = 1.5, 0.8, 1.4
+"""A table of V is taken if its error is at most `ACCEPTED` times the tolerance, or more than `NO_GAIN` times that of
+the table before; the next table has `FINER` times as many points along either axis."""
 
 TABLE_REFINEMENTS = 5
 """Largest number of tables of V that are tried, each finer; the error of the last one is accepted as it is."""
@@ -303,8 +310,8 @@ def find_nodes(
     """
     rng = np.random.default_rng(0)
     k_low, k, k_high = float(problem.k[0]), problem.middle_wavenumber, float(problem.k[-1])
-    turns = k * lattice.curvature(problem) / sector.near
-    wanted = int(PAIR_SAMPLES + 10.0 * turns)
+    phase = k * lattice.curvature(problem) / sector.near  # largest curvature phase [rad]
+    wanted = int(PAIR_SAMPLES + PAIRS_A_RADIAN * phase)
     pairs = _sample_pairs(lattice, wanted, rng)
     if not lattice.scales:
         pairs = np.tile(pairs, -(-wanted // pairs.size))  # a few pairs are fitted at several wavenumbers each
@@ -314,7 +321,7 @@ def find_nodes(
     def remainder_at(of: NDArray[np.int64], inverse: Array, w: Array) -> Array:
         return remainder(problem, lattice, of, 1.0 / inverse, w)
 
-    draw = _draw(problem, lattice, sector, int(CANDIDATES + 15.0 * turns), rng)
+    draw = _draw(problem, lattice, sector, int(CANDIDATES + CANDIDATES_A_RADIAN * phase), rng)
     remainders = remainder_at(pairs, draw.inverse, draw.w)
     scale = _relative_wavenumbers(problem, lattice, pairs.size, rng)[:, None]
     picked = pivoted_rows(np.exp(1j * draw.k * (scale * remainders)).T.copy(), tolerance, MAXIMUM_NODES + 1)
@@ -351,9 +358,9 @@ def find_nodes(
             made = test_factors @ (transfer[m] @ at_tests)
             wanted_factors = np.exp(1j * float(problem.k[m]) * test_remainders)
             error = max(error, float(np.sqrt(np.mean(np.abs(made - wanted_factors) ** 2))))
-        if error <= 1.5 * tolerance or error > 0.8 * previous:
+        if error <= ACCEPTED * tolerance or error > NO_GAIN * previous:
             break
-        n_r, n_w = int(1.4 * n_r), int(1.4 * n_w)
+        n_r, n_w = int(FINER * n_r), int(FINER * n_w)
         if n_r * n_w > LARGEST_TABLE:
             raise UnsuitedError("the nodes' values vary too fast to be tabulated")
     return Nodes(1.0 / inverse, w, node_k, transfer, value, low, high, error)

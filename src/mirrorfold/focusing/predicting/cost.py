@@ -19,7 +19,16 @@ from mirrorfold.focusing.exact.exact_sum import TABLE_BYTES, tile_pixels
 from mirrorfold.focusing.exact.pair_sums import PIXELS_A_BLOCK
 from mirrorfold.focusing.exact.range_tables import TERMS, table_cells
 from mirrorfold.focusing.lines.lattice import Lattice
-from mirrorfold.focusing.lines.nodes import CANDIDATES, EQUATIONS, PAIR_SAMPLES, SPARE_EQUATIONS, table_size
+from mirrorfold.focusing.lines.nodes import (
+    CANDIDATES,
+    CANDIDATES_A_RADIAN,
+    END_SAMPLES,
+    EQUATIONS,
+    PAIR_SAMPLES,
+    PAIRS_A_RADIAN,
+    SPARE_EQUATIONS,
+    table_size,
+)
 from mirrorfold.focusing.lines.sector_design import SectorDesign
 from mirrorfold.focusing.predicting.machine import machine
 from mirrorfold.focusing.problem import Problem
@@ -137,8 +146,9 @@ def _building(problem: Problem, lattice: Lattice, design: SectorDesign, nodes: i
     """Time [s] of making the tables of a sector."""
     speed = machine()
     lines, rows = design.shape
-    turns = problem.middle_wavenumber * design.curvature / design.sector.near
-    samples, candidates = PAIR_SAMPLES + 10.0 * turns + 400, CANDIDATES + 15.0 * turns
+    phase = problem.middle_wavenumber * design.curvature / design.sector.near
+    samples = PAIR_SAMPLES + PAIRS_A_RADIAN * phase + END_SAMPLES**2
+    candidates = CANDIDATES + CANDIDATES_A_RADIAN * phase
     pivoting = samples * candidates * (NUMBERS_A_PATH * speed.number + nodes * speed.combine)
     n_r, n_w = table_size(problem, design.sector, design.slopes)
     values = (

@@ -14,6 +14,7 @@ from mirrorfold.common.arguments import number
 from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit, doubt_angles, radar_place
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.memory import check_room
+from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
@@ -138,14 +139,12 @@ def _coordinates(volume: xr.DataArray, least: Mapping[str, int]) -> dict[str, Ar
         step = np.diff(volume[name].values.astype(float))
         if not (step > 0.0).all():
             raise InputError(f"volume: the coordinate {name} does not rise; sort it, as by volume.sortby({name!r})")
-        if name == "range" and np.ptp(step) > EQUAL * step.mean():
+        if name == "elevation" and np.abs(volume[name].values).max() > 90.0:
+            raise InputError("volume: elevations go beyond -90 to 90 degrees; give them above the horizon, in degrees")
+        if name == "range" and not in_equal_steps(volume[name].values):
             raise InputError("volume: the coordinate range does not rise in equal steps; resample the volume")
     doubt_angles(volume, "volume")
     return {name: volume[name].values.astype(float) for name in least}
-
-
-EQUAL = 1e-3
-"""Largest deviation of equal steps, as a share of their mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +195,7 @@ class Voxels:
             steps = np.diff(axis)
             if steps.size and steps.min() <= 0:
                 raise InputError(f"{name} must be a rising list of coordinates in metres; sort it")
-            if steps.size and np.ptp(steps) > EQUAL * steps.mean():
+            if not in_equal_steps(axis):
                 raise InputError(f"{name} must rise in equal steps; resample it")
         shape = given["y"].size, given["x"].size, given["z"].size
         check_room(
@@ -277,5 +276,5 @@ def grid_row(amplitude, begin, columns, x, y, z, azimuth, elevation, first, step
             continue
         for i in range(z.size):
             r = np.sqrt(ground + z[i] * z[i])
-            e = (np.arctan(z[i] / flat) - elevation[0]) / elevation[1]
+            e = (np.arctan2(z[i], flat) - elevation[0]) / elevation[1]
             out[j, i] = at_point(amplitude, a - begin, e, (r - first) / step)

@@ -17,6 +17,7 @@ from mirrorfold.common.facts import VOLUME
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.normalization import RANGE_POWERS, VOLUME_NORMALIZATIONS
 from mirrorfold.common.settings import takes
+from mirrorfold.common.statistics import in_equal_steps, mean_step
 from mirrorfold.common.threads import counted, for_each
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.common.windows import window
@@ -301,10 +302,9 @@ def angle_table(angle: Array) -> Array:
     InputError
         If the steps are not equal.
     """
-    step = np.diff(angle)
-    if not step.size or np.ptp(step) > 1e-3 * step.mean():
+    if angle.size < 2 or not in_equal_steps(angle):
         raise InputError("image: azimuth and elevation must rise in equal steps; resample the scan")
-    return np.radians(np.array([angle[0], step.mean()]))
+    return np.radians(np.array([angle[0], mean_step(angle)]))
 
 
 @njit(nogil=True, fastmath=True, error_model="numpy", inline="always")

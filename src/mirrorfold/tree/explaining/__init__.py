@@ -1,6 +1,6 @@
 """Echoes with another cause than an object at their place in the image. Each module tests for one cause.
 
-With the sweep (`misplaced` calls the first three, once for each echo):
+With the sweep (`misplaced` calls the first three, once in each resolution cell):
 
 * `directions`: the echo left by one way and came back by another.
 * `lobes`: it is a grating lobe of a brighter echo at its range.
@@ -18,7 +18,7 @@ With the order of the mirrors, in each of the `rounds`:
 * `edges`: it stands beside the end of a mirror, and is seen by way of that mirror all the same.
 * `shadowless`: it stands before a wall whose echoes go on undimmed, so that it hides little.
 
-With the whole tree, in the end (`explained_by_tree` calls them):
+With the whole tree, in the end (`explained_by_tree` calls them; `true_walls` holds where its walls stand):
 
 * `behind_walls`: its object would stand behind a known wall.
 * `behind_objects`: its object would stand behind a known object.

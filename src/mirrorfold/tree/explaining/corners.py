@@ -32,7 +32,7 @@ DIRECTIONS = np.linspace(-1.5, 1.5, 13)
 """Directions around a crossing of two rows in which a corner is looked for, in resolution cells of the array."""
 
 
-def vertices(mirrors: Sequence[Mirror]) -> Array:
+def row_crossings(mirrors: Sequence[Mirror]) -> Array:
     """Where two straight rows of an image cross each other, (n, 2) [m]."""
     rows = [mirror for mirror in mirrors if isinstance(mirror, LineMirror)]
     found = []

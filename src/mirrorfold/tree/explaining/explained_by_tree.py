@@ -32,7 +32,7 @@ def without_explained(
 ) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
-    These would stand behind known walls or objects, went to and fro beside an object, or may be side lobes.
+    The causes are those that the package lists under "With the whole tree".
 
     Parameters
     ----------

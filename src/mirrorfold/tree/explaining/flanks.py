@@ -18,7 +18,7 @@ from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.reflected_on import REFLECTED_ON
 from mirrorfold.tree.explaining.to_and_fro import TO_AND_FRO
 
-WAVES = {TO_AND_FRO: 2.0, REFLECTED_ON: 2.0, MIXED: 1.0, LATE: 1.0}
+ASIDE_CELLS = {TO_AND_FRO: 2.0, REFLECTED_ON: 2.0, MIXED: 1.0, LATE: 1.0}
 """Explanations that give a wave another path and so hold for all of its blob, and the largest distance of a flank in
 direction, in resolution cells. The end of a mirror divides the antennas, and the beam of half of them is twice as wide.
 The sweep was asked about each cell by itself, so that only the neighbouring cell is in question."""
@@ -33,7 +33,7 @@ AS_BRIGHT_DB = 1.0
 def flanks(echoes: Echoes, found: Found, view: ImageView) -> Names:
     """The explanation of the wave that each echo is on the flank of, (n,); "" where there is none."""
     result, brightest = np.full(len(echoes), "", dtype=found.explanation.dtype), np.zeros(len(echoes))
-    for reason, cells in WAVES.items():
+    for reason, cells in ASIDE_CELLS.items():
         peaks = found.explained.take(found.explanation == reason)
         if not len(peaks) or not len(echoes):
             continue

@@ -75,7 +75,7 @@ def _come_from(places: cKDTree, node: MirrorTree, walls: Sequence[Array], near: 
 
 
 def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: ImageView) -> Mask:
-    """Whether straight paths cross a wall, or its line just beyond it, closer to an end than a known wall hides, (n,).
+    """Whether straight paths cross a wall less than `INSIDE_CELLS` inside of its end, or its line just beyond, (n,).
 
     Beyond the end, up to the width of the radar's beam at the crossing counts.
     """

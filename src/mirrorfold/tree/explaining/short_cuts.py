@@ -52,12 +52,12 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
             crossing = sight.crossing[rough, echoes.direction]
             met = before(view.points(np.where(np.isfinite(crossing), crossing, np.nan), echoes.direction))
             asked = np.flatnonzero((order.face == ROOT) & ~found & (echoes.range > crossing))
-            found[asked] = _by(met[asked], crossing[asked], view, echoes.take(asked), bright, places)
+            found[asked] = _made_by(met[asked], crossing[asked], view, echoes.take(asked), bright, places)
             rough = int(sight.parent[rough])
     return found
 
 
-def _by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Echoes, places: Array) -> Mask:
+def _made_by(met: Array, crossing: Array, view: ImageView, echoes: Echoes, bright: Echoes, places: Array) -> Mask:
     """Which echoes a rough wall makes, by a short cut, of `bright` ones with true places `places` (m, 2) [m], (n,).
 
     Lines of sight meet the wall at true places `met` (n, 2) [m], and in the image at ranges `crossing` (n,) [m].

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import expit, logsumexp
 
+from mirrorfold.common.decibels import NEPER
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.tree.half_transparent.panes import (
     BATCH,
@@ -33,7 +34,7 @@ def doubtful(passed: Array) -> Mask:
     return (passed > DOUBTFUL[0]) & (passed < DOUBTFUL[1])
 
 
-def passage(pairs: Pairs) -> tuple[float, Array]:
+def passage_by_polarization(pairs: Pairs) -> tuple[float, Array]:
     """Probability that a wall lets waves pass, and that each echo behind it passed through it if it does, (n,).
 
     Before the measurement it is as likely as not that the wall lets waves pass; if it does not, that it is of metal.
@@ -64,7 +65,7 @@ def _likely(pairs: Pairs, misfit: Array) -> Array:
 
     A preference by the factor exp(q) adds ``(q / 2)^2`` to what is left at the best constant ratio of polarizations.
     """
-    variance, spread = pairs.ratio_variance, np.hypot(OBJECT_DB, ECHO_DB) / 20.0 * np.log(10.0)
+    variance, spread = pairs.ratio_variance, NEPER * np.hypot(OBJECT_DB, ECHO_DB)
     own = variance + spread**2
     beyond = np.maximum(misfit - pairs.least_misfit, 0.0)
     return np.asarray(pairs.log_likelihood(misfit - beyond) + 0.5 * np.log(variance / own) - 2.0 * beyond / own)

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
+from mirrorfold.common.decibels import NEPER
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array
 from mirrorfold.tree.half_transparent.misfits import REORDERED, over_walls, wall_waves
@@ -29,11 +30,11 @@ SCALES = 10.0 ** np.arange(-6.0, -0.4, 0.5)
 """Scales of error that are averaged over: power of the error over that of the echo, from 0.1 % of the amplitude, which
 the ratio of clear glints reaches in rays, to no agreement."""
 
-UNLIKE = np.log(10.0) / 20.0 * np.array([0.03, 0.1, 0.3, 1.0, 3.0])
+UNLIKE = NEPER * np.array([0.03, 0.1, 0.3, 1.0, 3.0])
 """Standard deviations that are tried, of the level [neper] and phase [rad] of an object in TE against TM, up to a sign:
 small for conductors, larger for rough and for dielectric objects."""
 
-LEVELS = np.log(10.0) / 20.0 * 40.0
+LEVELS = NEPER * 40.0
 """Span of the levels of TM against TE [neper] if nothing is known of them: 40 dB."""
 
 LANES = 8

@@ -59,7 +59,7 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
     for node in found.tree.mirrors:
         if node.mirror is None or not len(node.objects):
             continue
-        passed = passage(found, view, node, by_chain)
+        passed = passage_by_geometry(found, view, node, by_chain)
         through = passed > UNDECIDED
         if through.any():
             seen, tested = node.objects.take(through), (node.objects.position, passed)
@@ -68,7 +68,7 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
     return taken_out(found, transparent_walls, view, every, full_pass)
 
 
-def passage(
+def passage_by_geometry(
     found: Found,
     view: View,
     node: MirrorTree,

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
+from mirrorfold.common.decibels import NEPER
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.tree.half_transparent.misfits import misfits
 
@@ -112,9 +113,14 @@ class Pairs:
         return np.stack([power_of(self.te), power_of(self.tm), mixed], axis=1)
 
     @cached_property
+    def powers(self) -> tuple[Array, Array]:
+        """Power of every echo in TE and in TM, summed over all frequencies, (n,) each."""
+        return power_of(self.te).sum(axis=-1), power_of(self.tm).sum(axis=-1)
+
+    @property
     def power(self) -> Array:
         """Power of every echo over all frequencies, in both polarizations, (n,)."""
-        return np.sum(power_of(self.te) + power_of(self.tm), axis=-1)
+        return self.powers[0] + self.powers[1]
 
     def log_likelihood(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of a `misfit`, up to a constant."""
@@ -138,14 +144,14 @@ class Pairs:
 
     def with_metal(self, spread_db: float, as_one: float = 1.0) -> float:
         """Logarithm of the likelihood of a metal mirror, whose objects may return one polarization stronger than the
-        other: all of them by one ratio (`OBJECT_DB`), and each echo by another one of its own (`spread_db`). So many
-        echoes count `as_one`.
+        other: all of them by one ratio (`OBJECT_DB`), and each echo by another one of its own (`spread_db`). `as_one`
+        neighbouring echoes count as one.
         """
-        te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
+        te, tm = self.powers
         ratio, variance = 0.5 * np.log(tm / te), self.ratio_variance
-        own = variance + (spread_db / 20.0 * np.log(10.0)) ** 2
+        own = variance + (NEPER * spread_db) ** 2
         sigmas = np.linspace(-3.0, 3.0, 61)
-        preferred, prior = OBJECT_DB / 20.0 * np.log(10.0) * sigmas[:, None], -0.5 * sigmas**2
+        preferred, prior = NEPER * OBJECT_DB * sigmas[:, None], -0.5 * sigmas**2
         each = self.log_likelihood(self.least_misfit) + 0.5 * np.log(variance / own)
         each = each - 0.5 * (ratio - preferred) ** 2 / own
         every = np.logaddexp(each, self.other).sum(axis=-1) / as_one
@@ -154,7 +160,7 @@ class Pairs:
     @cached_property
     def least_misfit(self) -> Array:
         """Misfit of each echo at its best ratio of amplitudes, the same at all frequencies, (n,)."""
-        te, tm = (np.sum(np.abs(each) ** 2, axis=-1) for each in (self.te, self.tm))
+        te, tm = self.powers
         common = np.abs(np.sum(np.conj(self.te) * self.tm, axis=-1))
         # The smaller eigenvalue of their covariance.
         return np.asarray(0.5 * (1.0 - np.hypot(te - tm, 2.0 * common) / (te + tm)))
@@ -278,6 +284,12 @@ def walls_to_try(pairs: Pairs) -> tuple[NDArray[np.complex128], Array]:
 PEAKS = 12
 """Number of best trials from which a peak of the likelihood is searched."""
 
+NEIGHBOURING = 0.1, 0.05
+"""Trials closer than this are one peak: in the logarithm of permittivity, and in thickness over the mean thickness."""
+
+BEYOND_TRIED = 1.2
+"""Factor by which a fitted permittivity may leave the range `PERMITTIVITY` of those that are tried first."""
+
 DERIVATIVE_STEP, LEAST_EIGENVALUE = 0.3, 1e-6
 """Step of numerical derivatives at a peak; and the least eigenvalue of the second derivatives that counts: smaller ones
 mean that the data say nothing about that combination of numbers."""
@@ -286,7 +298,7 @@ mean that the data say nothing about that combination of numbers."""
 def _peaks(score: Array, eps: NDArray[np.complex128], thickness: Array) -> list[int]:
     """Indices of the best trials, no two of them neighbours in permittivity and thickness."""
     found: list[int] = []
-    place = np.stack([np.log(eps.real) / 0.1, thickness / thickness.mean() / 0.05])
+    place = np.stack([np.log(eps.real) / NEIGHBOURING[0], thickness / thickness.mean() / NEIGHBOURING[1]])
     for index in np.argsort(-score):
         if all(np.linalg.norm(place[:, index] - place[:, other]) > 1.0 for other in found):
             found.append(int(index))
@@ -304,7 +316,8 @@ def _polished(pairs: Pairs, eps: complex, thickness: float) -> tuple[Array, floa
 
     def cost(steps: Array) -> float:
         real, loss, width = start + steps * scale
-        if not (PERMITTIVITY[0] / 1.2 < real < 1.2 * PERMITTIVITY[1] and -0.01 <= loss < 0.5 and width > 0.0):
+        possible = PERMITTIVITY[0] / BEYOND_TRIED < real < BEYOND_TRIED * PERMITTIVITY[1]
+        if not (possible and -0.01 <= loss < 0.5 and width > 0.0):
             return 1e9
         wall = np.array([real * (1.0 - 1j * max(loss, 0.0))]), np.array([width])
         return -float(pairs.mixed(*pairs.misfits(*wall))[0][0])

@@ -32,7 +32,7 @@ from mirrorfold.detection.views.spectra import (
     wavenumbers,
 )
 from mirrorfold.tree.assignment import Found, Pass
-from mirrorfold.tree.half_transparent.doubts import passage
+from mirrorfold.tree.half_transparent.doubts import passage_by_polarization
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
 from mirrorfold.tree.half_transparent.wall_glints import Glints
 from mirrorfold.tree.half_transparent.wall_posterior import measured_pane
@@ -233,7 +233,7 @@ def doubted(echoes: Echoes, view: View, pairs: Pairs, mirror: Mirror) -> Transpa
     """
     brightest, cell = view.brightest(echoes.position, echoes.amplitude), view.cell_numbers(echoes.position)
     place, some = view.in_cells(echoes.position[brightest]), pairs.evenly(MOST_PAIRS)
-    window, each = passage(pairs.take(some))
+    window, each = passage_by_polarization(pairs.take(some))
     nearest = cKDTree(place[some]).query(place)[1]
     passed = (window * expit(agreed_odds(place, logit(each)[nearest], mean=True)))[cell]
     through = echoes.take(passed > UNDECIDED)

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from mirrorfold.common.types import Array
-from mirrorfold.tree.half_transparent.panes import PERMITTIVITY, THICKEST, Pane
+from mirrorfold.tree.half_transparent.panes import BEYOND_TRIED, PERMITTIVITY, THICKEST, Pane
 from mirrorfold.tree.half_transparent.wall_glints import Glints, Walls
 
 MOST = 40
@@ -82,7 +82,7 @@ class _Space:
     def possible(self, numbers: Array) -> Array:
         """Which walls are possible, (w,)."""
         log, loss, phase, roughness = numbers.T
-        low, high = np.log(PERMITTIVITY[0] / 1.2), np.log(1.2 * PERMITTIVITY[1])
+        low, high = np.log(PERMITTIVITY[0] / BEYOND_TRIED), np.log(BEYOND_TRIED * PERMITTIVITY[1])
         within = (log > low) & (log < high) & (np.abs(loss) < MOST_LOSS)
         return within & (phase > 0.0) & (np.abs(roughness) < MOST_HEIGHT)
 
@@ -95,6 +95,7 @@ def measured_pane(glints: Glints, pane: Pane) -> Pane:
     both, alone = glints.mixed_and_alone(space.walls(trials))
     walls, height = _sampled(space, trials, both, lambda some: glints.mixed(some)[0])
     # Of several turns of the phase the likeliest is stated, its likeliest wall; its error includes all others.
+    # Every sixteenth wall is asked how many walls are within half a turn of it, which bounds the memory.
     turns = np.abs(walls[:, 2, None] - walls[::16, 2]) < np.pi
     turn = np.flatnonzero(turns[:, turns.sum(axis=0).argmax()])
     best = space.walls(walls[turn[height[turn].argmax()]][None])
