@@ -55,7 +55,7 @@ from mirrorfold.cli import main
 
 def simulate(scene, **options):
     print("at work", flush=True)
-    time.sleep(60)
+    exec("time.sleep(60)")  # as the standard library does to make classes
 
 mf.simulate = simulate
 raise SystemExit(main())
@@ -69,9 +69,10 @@ def test_what_ends_the_program_leaves_nothing(tmp_path, number, code):
     """The command itself, at work in its temporary folder; what a kill leaves goes when the next file is written."""
     out = tmp_path / "out"
     out.mkdir()
+    (tmp_path / "waiting.py").write_text(WAITING)
     (out / "sweep.nc").write_text("old")
     with subprocess.Popen(
-        [sys.executable, "-c", WAITING, "demo", "--out", str(out)],
+        [sys.executable, "-m", "waiting", "demo", "--out", str(out)], cwd=tmp_path,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear_hang_up,
     ) as process:  # fmt: skip
         assert process.stdout is not None

@@ -74,12 +74,12 @@ def test_a_reader_that_has_gone_is_no_matter_of_words(arguments):
     assert shell("(sleep 1; PROGRAM nope 2>&1 >/dev/null) | true").returncode == 2
 
 
-@pytest.mark.parametrize("size", [100_000, 250_000, 600_000])
+@pytest.mark.parametrize("size", [100_000, 250_000, 600_000, 1_000_000])
 def test_an_address_space_that_is_too_small_is_refused_before_the_libraries(file, size):
     """With some sizes a library waited for ever, with others it took the process down."""
     done = shell(f"ulimit -v {size}; PROGRAM info {file}")
     assert done.returncode == 2
-    assert done.stderr.endswith("allowed (ulimit -v), and 700 MB are needed to begin with; allow more\n")
+    assert done.stderr.endswith("allowed (ulimit -v), and 1100 MB are needed to begin with; allow more\n")
     assert shell(f"ulimit -v {size}; PROGRAM --help").returncode == 0
 
 

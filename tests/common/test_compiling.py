@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
 import os
 import sys
@@ -11,6 +12,7 @@ import warnings
 import numba
 import numpy as np
 import pytest
+from numba.core.caching import IndexDataCacheFile
 
 from mirrorfold.common.kernels import njit
 
@@ -71,6 +73,33 @@ def test_damaged_files_of_kernels_are_made_anew(hits, tmp_path, suffix, length):
     [file] = (tmp_path / "__pycache__").glob(f"one.double*.{suffix}")
     file.write_bytes(file.read_bytes()[:length])
     assert (hits(), hits()) == (0, 1)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_what_is_no_file_is_left_alone(hits, tmp_path):
+    """Opening a pipe would wait for ever. The kernel is compiled, and not kept."""
+    assert (hits(), hits()) == (0, 1)
+    [index] = (tmp_path / "__pycache__").glob("one.double*.nbi")
+    index.unlink()
+    os.mkfifo(index)
+    assert (hits(), hits()) == (0, 0)
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_kernels_that_cannot_be_kept_are_compiled_all_the_same(hits, tmp_path, monkeypatch, kept):
+    """As on a full disk, whether it has been full from the beginning, or damaged what was kept."""
+    if kept:
+        assert (hits(), hits()) == (0, 1)
+        [file] = (tmp_path / "__pycache__").glob("one.double*.nbc")
+        file.write_bytes(b"")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    for name in ("_save_index", "_save_data"):
+        monkeypatch.setattr(IndexDataCacheFile, name, full)
+    with pytest.warns(UserWarning, match=r"cannot be kept in .*__pycache__ \(No space left .*NUMBA_CACHE_DIR"):
+        assert hits() == 0
 
 
 @pytest.mark.parametrize(

@@ -312,20 +312,83 @@ def test_dimensions_that_contradict_each_other(folder, capsys, file, name, scale
         refused(capsys, *verb, word="conflicting sizes for dimension")
 
 
-def test_what_lies_outside_is_named_but_not_shown(folder, capsys):
-    (folder / "secret.csv").write_text("nobody:x:0:0\nnobody:x:1:1\n")
-    inner = folder / "scan"
-    inner.mkdir()
-    (inner / "scan.toml").write_text('table = "../secret.csv"\n')
-    said = refused(capsys, "import", "s.nc", "--positions", inner / "scan.toml", "-o", "o.nc")
-    assert "'../secret.csv', which is outside" in said
-    assert "nobody" not in said
-    (inner / "scene.toml").write_text(SCENE.replace(WALL, 'kind = "curve"\nfile = "../secret.csv"'))
-    said = refused(capsys, "info", inner / "scene.toml", word="'../secret.csv', which is outside")
-    assert "nobody" not in said
-    # Beside the scene, the complaint says what is wrong.
+@pytest.fixture
+def inner(folder):
+    """A folder whose files may name those of the folder around it."""
+    (folder / "inner").mkdir()
+    return folder / "inner"
+
+
+OUTSIDE = "'../secret.csv', which is outside of the folder"
+
+LINES = {
+    "no table": "nobody:x:0:0\nnobody:x:1:1\n",
+    "headings alone": "nobody,x\n1,2\n",
+    "a table of files": "file,x,y,z\nnobody,1,2,3\n",
+    "a table without places": "file,word\nnobody,nobody\n",
+    "few numbers": "12345,99\n12345,99\n",
+    "numbers beyond reason": "12345,99\n12345e9,99\n12345,98\n1,2\n",
+}
+
+
+@pytest.mark.parametrize("lines", LINES.values(), ids=LINES.keys())
+@pytest.mark.parametrize("named_by", ["scan", "curve", "directions", "mapping", "places"])
+def test_what_lies_outside_is_named_but_not_shown(inner, capsys, named_by, lines):
+    """Whichever step finds the error, and whether the file can be read or not."""
+    (inner.parent / "secret.csv").write_text(lines)
+    file = inner / f"{named_by}.toml"
+    verb = ("info", file)
+    if named_by == "scan":
+        file.write_text('table = "../secret.csv"\n')
+        verb = ("import", "s.nc", "--positions", file, "-o", "o.nc")
+    elif named_by == "curve":
+        file.write_text(SCENE.replace(WALL, 'kind = "curve"\nfile = "../secret.csv"'))
+    elif named_by == "directions":
+        file.write_text(
+            'name = "x"\ndimensions = 3\n[scanner]\ndirections = "../secret.csv"\nspot_radius = 0.02\n'
+            "focus_distance = 1.0\n[band]\nstart = 290e9\nstop = 300e9\npoints = 11\n"
+            '[[surface]]\nname = "wall"\nkind = "plane"\n'
+        )
+    else:
+        np.savez(inner / "d.npz", s=np.ones((3, 3, 3), complex))
+        frequency = '{file = "../secret.csv", column = "nothing"}' if named_by == "mapping" else "[1e9, 2e9, 3e9]"
+        places = '{file = "../secret.csv"}' if named_by == "places" else "{x = [0.0, 1.0, 2.0], unit = 'm'}"
+        samples = "s = {variable = 's', dims = ['frequency', 'tx', 'rx']}"
+        file.write_text(f"{samples}\nfrequency = {frequency}\ntx = {places}\nrx = {places}\n")
+        verb = ("import", inner / "d.npz", "--mapping", file, "-o", "o.nc")
+    said = refused(capsys, *verb, word=OUTSIDE)
+    assert not any(word in said for word in ("nobody", "12345", "word"))
+
+
+def test_what_lies_beside_is_said(folder, capsys):
+    (folder / "secret.csv").write_text(LINES["no table"])
     (folder / "scene.toml").write_text(SCENE.replace(WALL, 'kind = "curve"\nfile = "secret.csv"'))
     refused(capsys, "info", "scene.toml", word="secret.csv cannot be read")
+
+
+@pytest.mark.parametrize("name", ["\\u0000", 300 * "x"])
+def test_files_whose_names_no_file_can_have(folder, capsys, name):
+    (folder / "scan.toml").write_text(f'table = "{name}.csv"\n')
+    refused(capsys, "import", "s.nc", "--positions", "scan.toml", "-o", "o.nc")
+    (folder / "scene.toml").write_text(SCENE.replace(WALL, f'kind = "curve"\nfile = "{name}.csv"'))
+    refused(capsys, "info", "scene.toml")
+    np.savez("d.npz", s=np.ones((3, 3, 3), complex))
+    (folder / "m.toml").write_text(
+        f's = {{variable = "s", dims = ["frequency", "tx", "rx"]}}\nfrequency = {{file = "{name}.csv", column = 0}}\n'
+    )
+    refused(capsys, "import", "d.npz", "--mapping", "m.toml", "-o", "o.nc")
+
+
+@pytest.mark.parametrize("suffix", ["npy", "csv"])
+def test_points_that_are_too_many_are_refused_before_they_are_read(folder, capsys, suffix):
+    (folder / "scene.toml").write_text(SCENE.replace(WALL, f'kind = "curve"\nfile = "many.{suffix}"'))
+    with open(f"many.{suffix}", "wb") as file:
+        if suffix == "npy":
+            np.lib.format.write_array_header_1_0(
+                file, {"descr": "<f8", "fortran_order": False, "shape": (3 * 10**8, 2)}
+            )
+        file.truncate(file.tell() + 48 * 10**8)  # a sparse file, which takes no room
+    refused(capsys, "info", "scene.toml", word="at most")
 
 
 @pytest.mark.slow

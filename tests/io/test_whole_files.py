@@ -100,7 +100,7 @@ def test_a_file_that_cannot_fit_is_not_begun(sweep, tmp_path, monkeypatch, capsy
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=sweep["s"].nbytes - 1))
     monkeypatch.setattr("mirrorfold.io.own.netcdf.SteadyFile", None)
-    with pytest.raises(OSError, match=r"needs 2\.66e-05 GB of disk, and 2\.66e-05 GB are free") as caught:
+    with pytest.raises(OSError, match=r"needs 0\.0266 MB of disk, and 0\.0266 MB are free") as caught:
         mf.save(sweep, path)
     assert caught.value.errno == errno.ENOSPC
     assert main(["import", str(path), "-o", str(tmp_path / "b.nc")]) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import socket
 import threading
 
 import numpy as np
@@ -141,6 +142,21 @@ def test_the_page_stays_open_when_it_is_loaded_again(server, chromium):
 def test_lengths_that_are_none_are_refused(server, length, status):
     body = b"" if length is None or not length.isdigit() or len(length) > 7 else b" " * int(length)
     assert ask(server, "POST", "/api/fold", body, **{"Content-Length": length})[0] == status
+
+
+@pytest.mark.parametrize("action", ["save", "cancel", "fold"])
+def test_requests_shorter_than_they_say_do_nothing(server, action):
+    """The sender has ended before its request was complete, whose meaning the rest may change."""
+    body = b'{"name": "short.nc"}'
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=120) as connection:
+        lines = [f"POST /api/{action} HTTP/1.1", f"Host: 127.0.0.1:{server.server_port}", f"Cookie: {server.cookie}",
+                 f"{TOKEN_HEADER}: {server.token}", "Content-Length: 5000"]  # fmt: skip
+        connection.sendall("\r\n".join([*lines, "", ""]).encode() + body)
+        connection.shutdown(socket.SHUT_WR)
+        answer = connection.makefile("rb").read()
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert b"shorter than the length that it says" in answer
+    assert not (server.session.path.parent / "short.nc").exists()
 
 
 @pytest.mark.parametrize("origin", ["//]", "http://[", "null", "https://127.0.0.1:1", ""])

@@ -32,8 +32,9 @@ NO_NAME = errno.ENAMETOOLONG, errno.ELOOP
 DONE, FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes."""
 
-LEAST_ADDRESS_SPACE = 700e6
-"""Address space that the libraries need before any work [bytes]; with less, some crash and others wait forever."""
+LEAST_ADDRESS_SPACE = 1.1e9
+"""Address space that the libraries, and compiling on several threads, need before any work [bytes]; with less, some
+crash and others wait forever."""
 
 SIGNALLED = 128
 """The exit code of a process that a signal ends is this plus the number of the signal; that of Ctrl-C is 2."""
@@ -213,6 +214,9 @@ def _attempt_listing_signals(signals: list[int], arguments: list[str]) -> int:
     except InputError as error:
         return _print_failure(error, str(error), FAILED if isinstance(error, EndedError) else WRONG_INPUT)
     except KeyboardInterrupt as error:
+        # After Ctrl-C in the middle of an import, Python ends a program that was started by `python -m` by that signal,
+        # whatever exit code it chooses, unless a text has been executed since.
+        exec("")
         code = SIGNALLED + signals[0] if signals else INTERRUPTED
         return _print_failure(error, str(error) or f"interrupted; {_said_written()}", code)
     except BrokenPipeError:  # the program that reads our output has ended, for example `| head`

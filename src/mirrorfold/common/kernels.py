@@ -7,6 +7,7 @@ import stat
 import tempfile
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,32 @@ class _KernelCache(FunctionCache):
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The compiled kernel from the cache, or None to have it compiled."""
         try:
-            return super().load_overload(signature, target_context)
+            return super().load_overload(signature, target_context) if self.readable() else None
         except Exception:  # unpickling damaged bytes may raise any exception
-            self.flush()  # else the damaged index would be read again when the kernel is saved
+            with suppress(OSError):
+                self.flush()  # else the damaged index would be read again when the kernel is saved
             return None
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep a compiled kernel. If that fails, as on a full disk, it is compiled again by the next process."""
+        try:
+            if self.readable():
+                super().save_overload(signature, data)
+        except OSError as error:
+            warnings.warn(
+                f"compiled kernels cannot be kept in {self.cache_path} ({error.strerror}), so every run compiles them; "
+                "make room, or choose another place by NUMBA_CACHE_DIR",
+                stacklevel=2,
+            )
+
+    def readable(self) -> bool:
+        """Whether the index is a file or missing: opening a pipe in its place would wait for ever."""
+        index = Path(self._cache_file._index_path)
+        return index.is_file() or not index.exists()
+
+    def is_filled(self) -> bool:
+        """Whether any kernel is kept, for any types of arguments."""
+        return self.readable() and bool(self._cache_file._load_index())
 
 
 def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -74,7 +97,7 @@ def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..
 def is_compiled(kernel: Any) -> bool:
     """Whether a kernel need not be compiled, for any types of arguments: the disk holds it, or it is plain Python."""
     cache = getattr(kernel, "_cache", None)
-    return cache is None or bool(cache._cache_file._load_index())
+    return cache is None or cache.is_filled()
 
 
 def _cache_of(function: Callable[..., Any]) -> FunctionCache:

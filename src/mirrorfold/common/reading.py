@@ -148,12 +148,37 @@ def not_too_deep(value: Any) -> Any:
     raise RecursionError
 
 
-@contextmanager
-def named_by(owner: Path, name: str, entry: str) -> Iterator[Path]:
-    """The path of a file that another file names relative to its own folder.
+_outside: ContextVar[list[str] | None] = ContextVar("_outside", default=None)
+"""What `named_file` has found outside of the folder of the file that names it, in words for a message."""
 
-    A file from a stranger may name any file on the machine, and an error message about that file would quote its lines.
-    So errors about files outside of the folder are replaced by one that quotes nothing.
+
+@contextmanager
+def quoting_nothing_outside() -> Iterator[None]:
+    """Files are read that may name further files, by `named_file`.
+
+    A file from a stranger may name any file on the machine, and an error message may quote its lines, headings or
+    numbers, whichever step finds the error. So if a file outside of the folder was named in the block, every error in
+    the block is replaced by one that quotes nothing.
+
+    Raises
+    ------
+    InputError
+        In place of an error in the block.
+    """
+    names: list[str] = []
+    token = _outside.set(names)
+    try:
+        yield
+    except (InputError, ValueError):
+        if not names:
+            raise
+        raise InputError(f"{names[-1]} and cannot be used; copy it there to read what is wrong with it") from None
+    finally:
+        _outside.reset(token)
+
+
+def named_file(owner: Path, name: str, entry: str) -> Path:
+    """The path of a file that another file names relative to its own folder; in a block `quoting_nothing_outside`.
 
     Parameters
     ----------
@@ -167,14 +192,14 @@ def named_by(owner: Path, name: str, entry: str) -> Iterator[Path]:
     Raises
     ------
     InputError
-        If the path leads out of the folder and the block raises an error, in place of that error.
+        If it is no name of a file.
     """
     path = owner.parent / name
-    if Path(os.path.realpath(path)).is_relative_to(os.path.realpath(owner.parent)):
-        yield path
-        return
     try:
-        yield path
-    except (InputError, ValueError):
-        what = f"{entry} is {name!r}, which is outside of the folder of {owner.name}"
-        raise InputError(f"{owner}: {what} and cannot be used; copy it there to read what is wrong with it") from None
+        inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(owner.parent))
+    except (OSError, ValueError):  # a ValueError if the name holds a zero byte
+        raise InputError(f"{owner}: {entry} is {name!r}, which is no name of a file; correct it") from None
+    names = _outside.get()
+    if not inside and names is not None:
+        names.append(f"{owner}: {entry} is {name!r}, which is outside of the folder of {owner.name}")
+    return path

@@ -273,7 +273,7 @@ def check_room(path: Path, size: int) -> None:
     """
     total, _, free = shutil.disk_usage(path.parent)
     if total and size > free:  # some network disks report a size of zero
-        raise OSError(errno.ENOSPC, f"needs {size / 1e9:.3g} GB of disk, and {free / 1e9:.3g} GB are free", str(path))
+        raise OSError(errno.ENOSPC, f"needs {size / 1e6:.3g} MB of disk, and {free / 1e6:.3g} MB are free", str(path))
 
 
 def _unwritable(path: Path, error: OSError) -> Exception:

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message, is_boolean, path_of, wrong_kind
+from mirrorfold.common.reading import quoting_nothing_outside
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.assembly import assemble, join
@@ -25,6 +26,7 @@ POSITIONS = ("scan.toml", "scan.json", "positions.toml", "positions.json", "posi
 """Names under which the table of positions is searched in the folder of a scan."""
 
 
+@quoting_nothing_outside()
 def import_data(
     files: str | Path | Sequence[str | Path] | Any,
     *,

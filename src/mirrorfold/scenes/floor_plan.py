@@ -15,7 +15,7 @@ from pydantic.dataclasses import dataclass
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import TRUTH_COLOUR
-from mirrorfold.common.reading import check_file, named_by, parsed, read_text
+from mirrorfold.common.reading import check_file, named_file, parsed, quoting_nothing_outside, read_text
 from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.svg import Stroke, card, picture
 from mirrorfold.errors import InputError
@@ -87,6 +87,11 @@ class Scene:
         return card(self.name, picture(strokes, positions.mean(axis=0), title=f"floor plan of {self.name}"), facts)
 
 
+MOST_POINTS = 100_000
+"""Largest number of points of a curve in a file: on a wall of ten metres they are a tenth of a millimetre apart."""
+
+
+@quoting_nothing_outside()
 def load_scene(path: str | Path) -> Scene | Scene3D:
     """Read a scene file.
 
@@ -115,10 +120,13 @@ def _with_files_beside(content: dict[str, Any], path: Path) -> dict[str, Any]:
         beside = os.path.join(path.parent, entry[name])  # `Path.exists` fails where a name is too long
         return {**entry, name: beside} if os.path.exists(beside) else entry
 
-    surfaces = content.get("surface")
+    surfaces, scanner = content.get("surface"), content.get("scanner")
     if isinstance(surfaces, list):
         content = {**content, "surface": [found(surface, "path") for surface in surfaces]}
-    return {**content, "scanner": found(content["scanner"], "directions")} if "scanner" in content else content
+    if not isinstance(scanner, dict) or not isinstance(scanner.get("directions"), str):
+        return content
+    named_file(path, scanner["directions"], "scanner.directions")  # it is read with the rest of the scene
+    return {**content, "scanner": found(scanner, "directions")}
 
 
 def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -138,8 +146,7 @@ def _with_points_from_files(content: dict[str, Any], path: Path) -> dict[str, An
             place = f"{path}: surface[{index}].file"
             if "points" in surface:
                 raise InputError(f"{place} is given beside points; leave out one of the two")
-            with named_by(path, surface["file"], f"surface[{index}].file") as file:
-                points = _read_points(file, place)
+            points = _read_points(named_file(path, surface["file"], f"surface[{index}].file"), place)
             surface = {name: value for name, value in surface.items() if name != "file"} | {"points": points}
         read.append(surface)
     return {**content, "surface": read}
@@ -162,9 +169,9 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
         raise InputError(f"{place}: {error}") from None
     try:
         if path.suffix == ".npy":
-            points = np.load(path, allow_pickle=False)
+            points = np.load(path, allow_pickle=False, mmap_mode="r")
         else:
-            lines = path.read_text(encoding="utf-8").splitlines()
+            lines = read_text(path, expected).splitlines()
             headed = bool(lines) and any(letter.isalpha() and letter not in "eE" for letter in lines[0])
             points = np.loadtxt(lines, delimiter=",", ndmin=2, skiprows=int(headed))
     except (OSError, ValueError) as error:
@@ -172,7 +179,9 @@ def _read_points(path: Path, place: str) -> list[list[float]]:
         raise InputError(f"{place}: {path} cannot be read ({reason}); {expected}") from None
     if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "fiu":
         raise InputError(f"{place}: {path} holds an array of shape {points.shape}, {expected}")
-    return [[float(x), float(y)] for x, y in points]
+    if len(points) > MOST_POINTS:
+        raise InputError(f"{place}: {path} holds {len(points)} points, expected at most {MOST_POINTS}; give fewer")
+    return np.asarray(points, dtype=float).tolist()
 
 
 def parse_scene(content: dict[str, Any], source: str = "scene") -> Scene | Scene3D:

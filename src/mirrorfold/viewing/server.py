@@ -199,6 +199,9 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected a request of 1 to {LARGEST_REQUEST} bytes")
             return None
         body = self.rfile.read(length)
+        if len(body) < length:
+            self._refuse(HTTPStatus.BAD_REQUEST, "the request is shorter than the length that it says")
+            return None
         if not secrets.compare_digest(self.headers.get(TOKEN_HEADER, "").encode(), self.server.token.encode()):
             self._refuse(HTTPStatus.FORBIDDEN, "the page is not of this server any more; load it again")
             return None

@@ -234,6 +234,8 @@ def test_files_of_mirrors_keep_every_bit(tmp_path):
         ),
         ('{"mirrors": [{"start": [0, 1], "end": [0, NaN]}]}', "not finite"),
         ('{"mirrors": [{"start": [0, 1], "end": "x"}]}', "two ends"),
+        ('{"mirrors": [{"start": [0, "1"], "end": [1, 1]}]}', "two ends"),
+        ('{"mirrors": [{"start": [true, false], "end": [true, true]}]}', "two ends"),
         ('{"mirrors": [{"start": [0, 1, 2], "end": [0, 1, 3]}]}', "two ends"),
         (
             '{"mirrors": [{"corners": [[0, 2, 0], [1, 2, 1], [1, 2, 0], [0, 2, 1]]}]}',

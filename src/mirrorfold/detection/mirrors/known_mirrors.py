@@ -74,7 +74,8 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     expect_unit(source, mirrors, "m")
     rows = as_three_points(_rows(mirrors, source))
     try:
-        places = np.array(rows, dtype=float)
+        given = np.array(rows)
+        places = given.astype(float) if given.dtype.kind in "fiu" or not given.size else np.array(np.nan)
     except (TypeError, ValueError, OverflowError):
         places = np.array(np.nan)
     if places.shape[:1] == (0,):

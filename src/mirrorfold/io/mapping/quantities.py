@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mirrorfold.common.reading import named_by
+from mirrorfold.common.reading import check_file, named_file
 from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, UNITS
 from mirrorfold.errors import InputError
@@ -102,10 +102,8 @@ class Quantities:
     def table(self, file: str) -> Contents:
         """A table beside the file, read once."""
         if file not in self.tables:
-            with named_by(self.contents.path, file, "file") as path:
-                if not path.is_file():
-                    raise self.fail(f"needs the table {path}, which does not exist; copy it there")
-                self.tables[file] = read_contents(path, "table")
+            path = named_file(self.contents.path, file, "file")
+            self.tables[file] = read_contents(check_file(path, "copy the table there"), "table")
         return self.tables[file]
 
     def places(self, places: Places, name: str, samples: int | None = None) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from mirrorfold.common.reading import named_by
+from mirrorfold.common.reading import named_file
 from mirrorfold.common.units import UNITS, Quantity
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.model import Coordinate, Finite, Places, Row, Strict, Unit, in_one_unit
@@ -137,8 +137,7 @@ def read_positions(path: Path | dict[str, Any]) -> tuple[Scan, list[FilePosition
         content, path = (path, Path("positions")) if isinstance(path, dict) else (read_written(path), path)
         scan = validated(Scan, content, str(path))
         if scan.table is not None:
-            with named_by(path, scan.table, "table") as table:
-                return scan, _lines_of_files(table)
+            return scan, _lines_of_files(named_file(path, scan.table, "table"))
         if scan.file is not None:
             return scan, [_of_entry(path, n, entry, scan.unit) for n, entry in enumerate(scan.file)]
         return scan, None

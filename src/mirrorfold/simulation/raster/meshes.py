@@ -188,8 +188,8 @@ def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
     check_room(MESH_GROWTH * path.stat().st_size, f"{path}: its triangles", "simplify the mesh, a million are plenty")
     try:
         mesh: Any = _trimesh().load(path, force="mesh")
-    except Exception as error:  # trimesh raises whatever its many readers raise
-        raise InputError(f"{path}: cannot be read as a mesh ({error}); give an STL, OBJ or PLY file") from None
+    except Exception:  # trimesh raises whatever its many readers raise, and quotes the file, which may be any
+        raise InputError(f"{path}: cannot be read as a mesh; give an STL, OBJ or PLY file") from None
     if not len(getattr(mesh, "faces", ())):
         raise InputError(f"{path}: holds no triangles; give a closed surface, not points or lines")
     mesh.merge_vertices()
