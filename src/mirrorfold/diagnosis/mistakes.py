@@ -61,6 +61,9 @@ OFFSET_SURE = (0.75, 0.95)
 """Smallest share of the draws that must agree on the sign of an offset, for positive and for negative ones; some scenes
 have few echoes."""
 
+MOST_WRAPS = 4
+"""Largest number of ambiguous ranges by which echoes are taken to be late."""
+
 UNEXPLAINED = 0.02
 """Share of a gate's power that is taken to fit no wave, in addition to what is measured: it bounds the logarithm, so
 that a single gate cannot outvote all others."""
@@ -181,22 +184,24 @@ def _gain(
     conjugated = case[0]
     fit = _fit(waves, measured.coherence, waves.one_sign(conjugated), case, offsets)
     coherence = 1.0 + UNEXPLAINED - np.exp(-fit)
-    expected = np.minimum(np.abs(_expected(waves, case, offsets)), waves.curvature[-1])  # (2, gates, offsets)
+    expected = np.minimum(np.abs(_expected(waves, case, offsets)), waves.curvature[-1])  # (n, gates, offsets)
     lost = np.max([np.min([measured.lost(q - one) for one in expected[:, :, :1]], axis=0) for q in expected], axis=0)
     predicted = fit - _explained(coherence * (1.0 - lost))
     return np.minimum(fit - fit[:, :1], predicted), predicted
 
 
 def _expected(waves: Wavefronts, case: tuple[bool, bool, bool], offsets: Array) -> Array:
-    """Curvatures that a combination of mistakes and the offsets predict for each gate, (2, gates, offsets) [1/m].
+    """Curvatures that a combination of mistakes and the offsets predict for each gate, (n, gates, offsets) [1/m].
 
     They are +-1 / range: first of echoes as they are, then of those that have wrapped around from beyond the ambiguous
-    range, as any may have. Conjugation and reversal each reverse the range axis, and cancel together.
+    range, once and up to `MOST_WRAPS` times, as any may have. Conjugation and reversal each reverse the range axis, and
+    cancel together.
     """
     conjugated, reversed_, _ = case
     stated = waves.ambiguous_range - waves.range if conjugated != reversed_ else waves.range
     true = np.maximum((stated[:, None] - offsets) % waves.ambiguous_range, 1e-6)
-    return np.asarray((-1.0 if conjugated else 1.0) / np.stack([true, true + waves.ambiguous_range]))
+    late = waves.ambiguous_range * np.arange(MOST_WRAPS + 1)[:, None, None]
+    return np.asarray((-1.0 if conjugated else 1.0) / (true + late))
 
 
 def _fit(waves: Wavefronts, table: Array, curvatures: Array, case: tuple[bool, bool, bool], offsets: Array) -> Array:
@@ -208,10 +213,10 @@ def _fit(waves: Wavefronts, table: Array, curvatures: Array, case: tuple[bool, b
     splines = CubicSpline(curvatures, table, axis=1)
     pieces = [PPoly(splines.c[..., row], splines.x) for row in range(len(table))]
     expected = _expected(waves, case, offsets)
-    fit, late = (_explained(np.stack([piece(q) for piece, q in zip(pieces, at, strict=True)])) for at in expected)
+    fit, *late = (_explained(np.stack([piece(q) for piece, q in zip(pieces, at, strict=True)])) for at in expected)
     # At ranges so short that the curvature exceeds the tried ones, the fit is the mean over all curvatures.
     within = np.abs(expected[0]) <= waves.curvature[-1]
-    return np.maximum(np.where(within, fit, _explained(table).mean(axis=1, keepdims=True)), late)
+    return np.max([np.where(within, fit, _explained(table).mean(axis=1, keepdims=True)), *late], axis=0)
 
 
 def _explained(coherence: Array) -> Array:

@@ -37,7 +37,7 @@ def polarizations(obj: Any, source: str = "sweep") -> tuple[str, ...]:
         raise InputError(f"{source}: has a dimension polarization without names; {EXPECTED}: add the coordinate")
     names = tuple(str(name) for name in held["polarization"].values)
     if not set(names) <= set(POLARIZATIONS) or len(set(names)) != len(names):
-        raise InputError(f"{source}: has the polarizations {', '.join(names)}; {EXPECTED}, each once")
+        raise InputError(f"{source}: has the polarizations {', '.join(map(repr, names))}; {EXPECTED}, each once")
     return names
 
 
@@ -71,7 +71,7 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
     if not isinstance(sweeps, Mapping):
         raise wrong_kind("sweeps", sweeps, "a dict of sweeps by polarization, such as {'TE': sweep, 'TM': other}")
     if not sweeps or not set(sweeps) <= set(POLARIZATIONS):
-        raise InputError(f"sweeps: have the polarizations {', '.join(map(str, sweeps)) or 'none'}; {EXPECTED}")
+        raise InputError(f"sweeps: have the polarizations {', '.join(map(repr, sweeps)) or 'none'}; {EXPECTED}")
     names = [name for name in POLARIZATIONS if name in sweeps]
     sweeps = {name: with_own_polarization(one) if isinstance(one, xr.Dataset) else one for name, one in sweeps.items()}
     first = sweeps[names[0]]

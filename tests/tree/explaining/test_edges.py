@@ -10,6 +10,7 @@ from numpy.testing import assert_array_equal
 from synthetic import echoes_at, empty_view
 
 from mirrorfold.detection import fold_of
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.views.volume_view import VolumeView
@@ -90,6 +91,23 @@ def test_beside_the_end_another_mirror_may_show_the_object(view, flank, expected
     beside = LineMirror(np.array(at(view, 0.9, 0.2)), np.array(at(view, 0.9, 20.0)))
     places = [at(view, 2.9, each) for each in (-0.5, 0.5, 1.4, 2.3)]
     assert owned(view, beside, places, [flank, 1.0, 1.0, 1.0]) == expected
+
+
+@pytest.mark.parametrize(("beams", "expected"), [((0.5, 1.4, 2.3, 3.2), [0, 0, 4]), ((-1.3, -0.4, 0.5), [0, 3, 0])])
+def test_between_the_ends_of_two_mirrors_an_echo_is_of_the_object_that_it_touches(view, beams, expected):
+    beside = LineMirror(np.array(at(view, 0.9, 1.1)), np.array(at(view, 0.9, 20.0)))
+    assert owned(view, beside, [at(view, 2.9, each) for each in beams], np.ones(len(beams))) == expected
+
+
+@pytest.mark.parametrize(("beyond", "direct"), [(1.0, 5), (0.2, 2)])
+def test_beside_a_pillar_a_bright_object_has_a_wide_foot(view, beyond, direct):
+    """What a pillar shows fades towards its edge, and stands at other ranges than what is seen past the edge."""
+    pillar = ArcMirror(np.array([0.0, 1.2]), 1.2 * END, -np.pi, np.pi, view.radar)
+    places = [at(view, 2.9, each) for each in (-2.5, -1.6, -0.7, 0.5, 1.4)]
+    echoes = echoes_at(view, [[-0.8, 0.8], *places], np.array([1.0, 0.3, 0.4, 0.6, beyond, beyond]))
+    settings = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
+    tree, _ = assign_echoes(order_mirrors([pillar], view, echoes, settings), echoes)
+    assert len(tree.objects) - 1 == direct
 
 
 @pytest.mark.parametrize(("flank", "expected"), [(0.3, [1, 0, 0]), (3.0, [0, 1, 0])])

@@ -12,7 +12,7 @@ import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.types import ROOT, UNSEEN, Index, Mask
-from mirrorfold.detection import Echoes, View
+from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.tree.grouping import STRONG_SHARE, object_numbers
 from mirrorfold.tree.ordering import Order
@@ -36,13 +36,13 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
         shown = sight.seen_through(echoes.range, side)
         for mirror, parent in enumerate(sight.parent):
             behind = echoes.range > sight.crossing[mirror, side] + BEHIND_CELLS * view.range_cell
-            own = np.flatnonzero(owner == parent)
-            beside = ((shown == mirror) & behind)[own]
+            beside = (owner == parent) & (shown == mirror) & behind
             if not beside.any():
                 continue
-            number = object_numbers(view, echoes.take(own))
-            reaches_on = np.bincount(number, weights=~beside) > 0.0
-            moved = own[~reaches_on[number]]
+            others = np.flatnonzero((owner != mirror) & (owner != UNSEEN))
+            number = object_numbers(view, echoes.take(others))
+            reaches_on = np.bincount(number, weights=~beside[others]) > 0.0
+            moved = others[~reaches_on[number]]
             owner[moved[~sight.contradicted(echoes.take(moved), order.fold(mirror))]] = mirror
     return owner
 
@@ -53,7 +53,8 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     Such an echo is assigned to the way by which the radar sees beside that end, if it is the foot of an object there:
 
     * the object is brighter beyond the end than before it;
-    * a beam or more before the end, it has no echo above `FALLEN` of its brightest one beyond the end;
+    * a beam or more before the end, it has no echo above `FALLEN` of its brightest one beyond the end; or the mirror is
+      convex: what it shows fades towards its edge, and stands at other ranges than what is seen past the edge;
     * at the echo's own range, it touches a brighter echo beyond the end.
 
     The object beyond the end may also be a wall, whose row seems to go on before it.
@@ -79,12 +80,12 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
                     continue
                 wall = near & (of_wall == other) & (order.face != mirror)
                 own = np.flatnonzero((owner == other) | here | wall)
-                foot = _foot(view, echoes.take(own), owner[own] == mirror, shown[own] == other)
+                foot = _foot(view, echoes.take(own), owner[own] == mirror, shown[own] == other, order.mirrors[mirror])
                 corrected[own[foot]] = other
     return corrected
 
 
-def _foot(view: View, echoes: Echoes, before: Mask, beside: Mask) -> Mask:
+def _foot(view: View, echoes: Echoes, before: Mask, beside: Mask, mirror: Mirror) -> Mask:
     """Which of the echoes `before` the end of a mirror, (n,), are the foot of an object beyond it, see `before_ends`.
 
     Those `beside` the end, (n,), are less than a beam away from it.
@@ -93,6 +94,6 @@ def _foot(view: View, echoes: Echoes, before: Mask, beside: Mask) -> Mask:
     number, level = object_numbers(view, echoes), object_numbers(view, echoes, depth=BEHIND_CELLS * view.range_cell)
     inside, beyond, far = (brightest_of(number, np.where(some, amplitude, 0.0))
                            for some in (before, ~before, before & ~beside))  # fmt: skip
-    foot = before & ((beyond > inside) & (far <= FALLEN * beyond))[number]
+    foot = before & ((beyond > inside) & ((far <= FALLEN * beyond) | (mirror.curvature > 0.0)))[number]
     outshone = brightest_of(level, np.where(before, 0.0, amplitude))[level] > amplitude
     return foot & outshone
