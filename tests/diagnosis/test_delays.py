@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from point_sweeps import sweep_of
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
@@ -46,6 +47,14 @@ def test_the_speckle_of_a_rough_wall_feigns_no_delay(wall, points):
 def test_two_centimetres_tell_a_delay_that_changes_the_curvature_enough(wall):
     sweep = mf.calibrate.remove_cable(rough_wall(wall, 41, 101, 0), -0.8)
     assert cables(sweep) == [pytest.approx(0.8, abs=0.1)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_echoes_that_have_wrapped_around_twice_feign_no_cable(seed):
+    """The ambiguous range is 0.48 m, and two points stand 0.9 to 1.6 m away."""
+    random = np.random.default_rng(seed)
+    points = np.stack([random.uniform(-0.2, 0.2, 2), random.uniform(0.9, 1.6, 2), np.zeros(2)], axis=1)
+    assert cables(mf.add_noise(sweep_of(points, elements=33, frequencies=33), snr_db=30.0, seed=seed)) == []
 
 
 def speckle(distance):

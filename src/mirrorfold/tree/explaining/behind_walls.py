@@ -15,6 +15,7 @@ import numpy as np
 from mirrorfold.common.types import ROOT, Array, Chain, Mask
 from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, any_curved, fold_of
 from mirrorfold.detection.finding import NEAREST
+from mirrorfold.detection.mirrors.curved import growth_over
 from mirrorfold.detection.search.lines import find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import BEYOND
@@ -77,13 +78,14 @@ def _hidden(wall: LineMirror, side: float, sight: LinesOfSight, parent: int) -> 
 def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mirror, ...]], view: View) -> Mask:
     """Which of the echoes that are seen by way of a chain of mirrors would stand behind another known wall, (n,).
 
-    `by_chain` holds the mirrors of each chain, as `prolonged_where_hidden` returns them. Curved ones are not tested.
+    `by_chain` holds the mirrors of each chain, as `prolonged_where_hidden` returns them. Not tested are curved walls,
+    and echoes that a curved mirror shows by way of another.
     """
-    behind, way = np.zeros(len(echoes), dtype=bool), by_chain[chain]
-    if not len(echoes) or any_curved(way):
-        return behind
+    way = by_chain[chain]
+    if not len(echoes) or any_curved(way[:-1]):
+        return np.zeros(len(echoes), dtype=bool)
     others = [other for name, other in by_chain.items() if name != chain]
-    return met_by(others, *last_leg(echoes, way, view), view.cell(echoes.range))
+    return met_by(others, *last_leg(echoes, way, view), view.cell(echoes.range), widened(echoes, way))
 
 
 def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:
@@ -106,17 +108,28 @@ def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) ->
     return behind
 
 
+def widened(echoes: Echoes, way: Sequence[Mirror]) -> Array:
+    """Factor by which the last mirror of a chain, if it is curved, widens the cell at the end of a path, (n,)."""
+    return np.maximum(growth_over(way, echoes.position).max(axis=1), 1.0)
+
+
 def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, Array]:
-    """Begin and end of the last leg of the path to each echo, from the last of the flat mirrors on, (n, d) [m] each."""
+    """Begin and end of the last leg of the path to each echo, from the last mirror on, (n, d) [m] each.
+
+    No mirror but the last may be curved.
+    """
     leaves, sight = np.broadcast_to(view.radar, echoes.position.shape), echoes.position - view.radar
     if way:
         *before, last = way
-        share = ((last.center - view.radar) @ last.normal) / (sight @ last.normal)
+        place, normal = last.facing(echoes.position)
+        share = np.sum((place - view.radar) * normal, axis=1) / np.sum(sight * normal, axis=1)
         leaves = fold_of(before, view.dimensions)(view.radar + share[:, None] * sight)
     return leaves, fold_of(way, view.dimensions)(echoes.position)
 
 
-def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array) -> Mask:
+def met_by(
+    walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array, growth: Array | float = 1.0
+) -> Mask:
     """Whether straight paths meet one of the walls well before their end, (n,).
 
     Parameters
@@ -126,16 +139,20 @@ def met_by(walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell
     leaves, stands : (n, d) arrays [m]
         Where the paths begin and end.
     cell : (n,) array [m]
-        Resolution cell at the end of each path.
+        Resolution cell at the end of each path, as flat mirrors show it.
+    growth : (n,) array, optional
+        Factor by which a curved mirror, where the path begins, widens the cell at its end.
     """
     met = np.zeros(len(stands), dtype=bool)
     for way in walls:
         if way and not any_curved(way):
-            met |= _met(way[-1], way[:-1], leaves, stands, cell)
+            met |= _met(way[-1], way[:-1], leaves, stands, cell, growth)
     return met
 
 
-def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array) -> Mask:
+def _met(
+    wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array, growth: Array | float
+) -> Mask:
     """Whether straight paths (n, d) [m] meet a wall, at its true place, well before their end, (n,)."""
     fold = fold_of(to_it, leaves.shape[1])
     center = fold(wall.center)
@@ -145,8 +162,9 @@ def _met(wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, ce
     with np.errstate(divide="ignore", invalid="ignore"):
         share = ((center - leaves) @ normal) / (way @ normal)
         offset = leaves + share[:, None] * way - center
-        met = np.minimum(share, 1.0 - share) * length > BEHIND_CELLS * cell
+        met = np.minimum(share, (1.0 - share) / growth) * length > BEHIND_CELLS * cell
+        width = cell * (1.0 + share * (growth - 1.0))
         for tangent, (first, last) in zip(tangents, wall.sides, strict=True):
             along = offset @ tangent
-            met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * cell
+            met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * width
     return met

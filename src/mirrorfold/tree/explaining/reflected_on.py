@@ -18,7 +18,7 @@ from mirrorfold.common.geometry import crossing, reflect, segment_normal
 from mirrorfold.common.types import Array, Chain, Mask
 from mirrorfold.detection import ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.explaining.behind_walls import BEHIND_CELLS, INSIDE_CELLS, last_leg
+from mirrorfold.tree.explaining.behind_walls import BEHIND_CELLS, INSIDE_CELLS, last_leg, widened
 from mirrorfold.tree.explaining.true_walls import EXPECTED_CELLS, true_ends
 from mirrorfold.tree.mirror_tree import MirrorTree
 
@@ -29,7 +29,7 @@ MOST_REFLECTIONS = 3
 
 
 def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[Mirror]]) -> dict[Chain, Mask]:
-    """Which object echoes of each chain of flat mirrors were reflected on to a known place, (n,) each.
+    """Which object echoes of each chain were reflected on to a known place, (n,) each.
 
     Parameters
     ----------
@@ -50,15 +50,15 @@ def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[M
 
 
 def _near_ends(node: MirrorTree, walls: Sequence[Array], view: ImageView) -> Mask:
-    """Which object echo's last leg passes close to an end of which wall, (walls, n); none by way of curved mirrors.
+    """Which object echo's last leg passes close to an end of which wall, (walls, n).
 
-    Each wall is given by its ends, (2, 2) [m].
+    Each wall is given by its ends, (2, 2) [m]. None is near where a curved mirror shows another.
     """
     near = np.zeros((len(walls), len(node.objects)), dtype=bool)
-    if len(node.objects) and not any_curved(node.way):
-        legs = last_leg(node.objects, node.way, view)
+    if len(node.objects) and not any_curved(node.way[:-1]):
+        legs, growth = last_leg(node.objects, node.way, view), widened(node.objects, node.way)
         for row, wall in zip(near, walls, strict=True):
-            row[:] = _near_end(wall, *legs, node.objects.range, view)
+            row[:] = _near_end(wall, *legs, node.objects.range, view, growth)
     return near
 
 
@@ -67,17 +67,18 @@ def _come_from(places: cKDTree, node: MirrorTree, walls: Sequence[Array], near: 
     explained = np.zeros(len(node.objects), dtype=bool)
     if near.any():
         leaves, stands = last_leg(node.objects, node.way, view)
-        cell = view.cell(node.objects.range)
+        cell = view.cell(node.objects.range) * widened(node.objects, node.way)
         for wall, echo in np.argwhere(near):
             place = _followed(leaves[echo], stands[echo], int(wall), walls, float(cell[echo]))
             explained[echo] |= places.query(place)[0] <= EXPECTED_CELLS * cell[echo]
     return explained
 
 
-def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: ImageView) -> Mask:
+def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: ImageView, growth: Array) -> Mask:
     """Whether straight paths cross a wall less than `INSIDE_CELLS` inside of its end, or its line just beyond, (n,).
 
-    Beyond the end, up to the width of the radar's beam at the crossing counts.
+    Beyond the end, up to the width of the radar's beam at the crossing counts. A curved mirror widens both; `growth` is
+    the factor at the end of the path.
     """
     length = np.linalg.norm(stands - leaves, axis=1)
     with np.errstate(invalid="ignore"):
@@ -85,8 +86,9 @@ def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: Im
         behind = (1.0 - share) * length
         cell, beam = view.cell(range_), view.width(range_ - behind)
         inside = (0.5 - np.abs(along - 0.5)) * float(np.linalg.norm(wall[1] - wall[0]))
-        far = np.minimum(share * length, behind) > BEHIND_CELLS * cell
-        return far & (inside > -beam) & (inside < INSIDE_CELLS * cell)
+        far = np.minimum(share * length, behind / growth) > BEHIND_CELLS * cell
+        wider = 1.0 + share * (growth - 1.0)
+        return far & (inside > -beam * wider) & (inside < INSIDE_CELLS * cell * wider)
 
 
 def _followed(leaves: Array, place: Array, first: int, walls: Sequence[Array], cell: float) -> Array:
