@@ -276,6 +276,34 @@ def test_mistakes_in_the_table_are_said_with_their_line(scan, tmp_path, change, 
         assert word in str(caught.value)
 
 
+def test_a_column_that_is_no_place_is_named_and_left_out(scan, tmp_path):
+    lines = [f"{line},{'comment' if n == 0 else 'wet floor'}" for n, line in enumerate(table())]
+    (tmp_path / "p.csv").write_text("\n".join(lines))
+    with pytest.warns(UserWarning, match=r"p\.csv: the columns 'comment' are not understood and left out"):
+        is_the_scan(mf.import_data(scan[0], positions=tmp_path / "p.csv"), scan[1])
+
+
+def test_the_mark_between_the_side_and_the_axis_may_be_missing(scan, tmp_path):
+    (tmp_path / "p.csv").write_text("\n".join(table("file,txx_mm,txz_mm,rx_x_mm,rxz [mm]")))
+    is_the_scan(mf.import_data(scan[0], positions=tmp_path / "p.csv"), scan[1])
+
+
+@pytest.mark.parametrize(
+    ("headings", "message"),
+    [
+        ("file,tx_x_mm,tx_z_mm,rx_x_mm,rxheight_mm", "line 1 has the heading 'rxheight_mm', which is not understood"),
+        ("file,tx_x_mm,tx_z_mm,rx_x_mm,H\xf6he [mm]", "line 1 has the heading 'H\xf6he [mm]', which is not understood"),
+        ("file,tx_x_mm,tx_z_mm,rx_x_mm,tilt_deg", "line 1 has the heading 'tilt_deg', which is not understood"),
+        ("file,Sender,S2,Empf\xe4nger,E2", "line 1, 'file,Sender,S2,Empf\xe4nger,E2', has no column of places"),
+    ],
+)
+def test_no_place_is_left_out_in_silence(scan, tmp_path, headings, message):
+    (tmp_path / "p.csv").write_text("\n".join(table(headings)), "utf-8")
+    with pytest.raises(InputError) as caught:
+        mf.import_data(scan[0], positions=tmp_path / "p.csv")
+    assert message in str(caught.value)
+
+
 def test_a_parameter_that_is_no_name_is_refused(scan, tmp_path):
     (tmp_path / "p.csv").write_text("\n".join(table()))
     with pytest.raises(InputError, match="parameter: got the number 21, expected the name"):

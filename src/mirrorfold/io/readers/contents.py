@@ -113,9 +113,7 @@ class Contents:
         """Warn of the columns of a table that are not understood, and so left out."""
         unknown = [*self.attrs.get("unknown headings", ()), *self.attrs.get("halves", ())]
         if unknown:
-            warnings.warn(
-                f"{self.path}: the columns {listed(map(repr, unknown))} are not understood and left out", stacklevel=5
-            )
+            warnings.warn(left_out(self.path, unknown), stacklevel=5)
 
     def array(self, name: str) -> NDArray:
         """The values of a variable.
@@ -159,6 +157,11 @@ def listed(names: Iterable[str]) -> str:
     held = [name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..." for name in names]
     more = f" and {len(held) - LISTED} more" if len(held) > LISTED else ""
     return ", ".join(held[:LISTED]) + more
+
+
+def left_out(path: Path, headings: Iterable[str]) -> str:
+    """What a warning says of the columns of a table that are not understood, and so left out."""
+    return f"{path}: the columns {listed(map(repr, headings))} are not understood and left out"
 
 
 def nbytes(shape: tuple[int, ...], itemsize: int) -> int:

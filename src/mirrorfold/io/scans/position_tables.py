@@ -4,13 +4,15 @@ A table of files has a column ``file`` (a name, or a pattern with ``*`` that fit
 ``tx_x, tx_y, tx_z, rx_x, rx_y, rx_z``; or ``x, y, z`` of one antenna that transmits and receives; or
 ``azimuth, elevation`` of a beam. A table of antennas has a column ``antenna``, with ``tx1, tx2 ... rx1, rx2 ...``, or
 with numbers alone if each antenna transmits and receives, and the columns ``x, y, z``. Coordinates that are left out
-are zero. A unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``.
+are zero. A unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``. Columns with other headings are left out,
+with a warning; a heading that looks like that of a place is refused.
 """
 
 from __future__ import annotations
 
 import csv
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ import numpy as np
 
 from mirrorfold.common.units import KINDS, UNITS, unit_named
 from mirrorfold.errors import InputError
-from mirrorfold.io.readers.contents import read_bytes
+from mirrorfold.io.readers.contents import left_out, read_bytes
 from mirrorfold.io.readers.lines import LONGEST_CELL, parse_number
 
 COLUMNS_BY_KIND = {
@@ -83,9 +85,12 @@ def read_table(path: Path) -> tuple[str, list[FilePosition]]:
         raise InputError(f"{path}: holds no lines; expected the headings file, tx_x, tx_y ... and a line for each file")
     number, heading = lines[0]
     delimiter = next((mark for mark in (";", "\t") if mark in heading), ",")
-    headings = [cell.strip() for cell in _cells(path, number, heading, delimiter)]
+    headings = [cell.strip().strip('"') for cell in _cells(path, number, heading, delimiter)]
     columns = [_heading(path, number, cell) for cell in headings]
     kind = _kind(f"{path}: line {number}, {heading[:80]!r}", [name for name, _ in columns])
+    unknown = [cell[:LONGEST_CELL] for cell, (name, _) in zip(headings, columns, strict=True) if cell and not name]
+    if unknown:
+        warnings.warn(left_out(path, unknown), stacklevel=4)
     result = []
     for number, line in lines[1:]:
         where = f"{path}: line {number}"
@@ -116,6 +121,8 @@ def _kind(where: str, names: Sequence[str]) -> str:
     if twice:
         raise InputError(f"{where}, names {', '.join(twice)} twice; {expected}")
     if "file" in names:
+        if not set(names) & set(UNIT_KINDS):
+            raise InputError(f"{where}, has no column of places that is understood; {expected}")
         return "file"
     if "antenna" not in names:
         raise InputError(f"{where}, has no column 'file'; {expected}")
@@ -137,31 +144,34 @@ UNIT_KINDS = {
 }
 """The columns of numbers, and what their unit measures."""
 
-HEADING = re.compile(r"^([a-z_ ]+?)[ _]*(?:[\[(]\s*(\w+)\s*[\])]|_(mm|cm|um|m|inch|in|degree|deg|radian|rad))?$")
+UNIT_AT_END = re.compile(r"[\[(]\s*(\w+)\s*[\])]$|_(mm|cm|um|m|inch|in|degree|deg|radian|rad)$")
+
+LIKE_A_PLACE = re.compile(r"^(tx|rx)|^([xyz]|az|el)([_ \[(]|$)")
+"""Beginning of a heading that is probably meant as that of a place or a direction."""
 
 
 def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
-    """Name of a column, and the factor of its unit; the name is empty for columns that are not needed."""
-    text = cell.strip().strip('"').lower()
+    """Name of a column, and the factor of its unit; the name is empty for a column that is left out."""
+    text = cell.lower()[:LONGEST_CELL]
     for name, others in (("file", FILE_NAMES), ("antenna", ANTENNA_NAMES)):
         if text in others:
             return name, 1.0
-    match = HEADING.match(text) if len(text) <= LONGEST_CELL else None
-    name = match[1].strip().replace(" ", "_") if match else ""
-    name = {"az": "azimuth", "el": "elevation"}.get(name, name)
-    if match is None or name not in UNIT_KINDS:
-        if re.match(r"^(tx|rx|[xyz]|az|el)([_ \[(]|$)", text):
+    match = UNIT_AT_END.search(text)
+    said = (match[1] or match[2]) if match else None
+    unit = unit_named(said) if said else None
+    name = (text[: match.start()] if match else text).strip(" _").replace(" ", "_")
+    name = {"az": "azimuth", "el": "elevation"}.get(name, re.sub(r"^([tr]x)([xyz])$", r"\1_\2", name))
+    if name not in UNIT_KINDS:
+        if LIKE_A_PLACE.match(text) or unit in KINDS["length"] or unit in KINDS["angle"]:
             raise InputError(
-                f"{path}: line {number} has the heading {cell.strip()!r}, which is not understood; expected one of "
-                f"{', '.join(sorted(UNIT_KINDS))}, with a unit such as tx_x_mm"
+                f"{path}: line {number} has the heading {cell[:LONGEST_CELL]!r}, which is not understood; expected one "
+                f"of {', '.join(sorted(UNIT_KINDS))}, with a unit such as tx_x_mm; rename it, or leave the column out"
             )
         return "", 1.0
-    said = match[2] or match[3]
     expected = KINDS[UNIT_KINDS[name]]
-    unit = unit_named(said) if said else None
     if said and unit not in expected:
         raise InputError(
-            f"{path}: line {number} has the heading {cell.strip()!r} with the unit {said!r}, expected one of "
+            f"{path}: line {number} has the heading {cell!r} with the unit {said!r}, expected one of "
             f"{', '.join(expected)}"
         )
     return name, UNITS[unit] if unit else 1.0
