@@ -61,6 +61,19 @@ def test_single_numbers_keep_the_units_of_their_own_names(tmp_path):
     same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
 
 
+@pytest.mark.parametrize("first", ["tx_start_mm", "tx_first_mm", "tx_min_mm", "tx_x_start_mm", "start_tx_mm"])
+def test_the_first_place_has_one_of_many_names(tmp_path, first):
+    tx, rx = line_of(7, 0.02), line_of(9, 0.04) + np.array([0.0, 0.0, 0.015])
+    s = echo(FREQUENCY, tx, rx)
+    names = {first: tx[0, 0] * 1e3, first.replace("tx", "rx"): rx[0, 0] * 1e3}
+    guess = proposed(
+        tmp_path / "d.npz", s=s, fGHz=FREQUENCY / 1e9, tx_step_mm=0.5, rx_pitch_mm=0.5, rx_height_mm=15.0, **names,
+        start=290.0, min=290.0, rx_depth_mm=3.0,
+    )  # fmt: skip
+    assert "a guess: 'rx_depth_mm' is not used" in guess.to_toml()
+    same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
+
+
 def test_coordinates_one_by_one_keep_the_units_of_their_own_names(tmp_path):
     tx, rx = line_of(7), line_of(9, 0.01) + np.array([0.0, -0.005, 0.0])
     s = echo(FREQUENCY, tx, rx)

@@ -192,14 +192,14 @@ class PlaceSearch:
         if step is None or step[1] == 0.0 or (elements is not None and elements[1] != count):
             return False
         unit = self._length_unit(step[0])
-        start = number(r"x_?(?:0|start|min|first)", own=own)
+        start = (number("start|min|first", own=True) if side else None) or number(r"x_?(?:0|start|min|first)", own=own)
         first = -0.5 * (count - 1) * step[1]
         if start is not None:
             first = float(f"{start[1] * UNITS[self._named_unit(start[0]) or unit] / UNITS[unit]:.12g}")
         self.guess.entries[entry] = {"x": {"start": first, "step": step[1], "points": count, "unit": unit}}
         named = [step[0]] + ([start[0]] if start is not None else [])
         for axis in "yz":
-            fixed = number(rf"{axis}_?0?")
+            fixed = number(rf"{axis}_?0?") or (number("height", own=True) if side and axis == "z" else None)
             if fixed is not None:
                 self.guess.entries[entry][axis] = {"values": [fixed[1]], "unit": self._named_unit(fixed[0]) or unit}
                 named.append(fixed[0])
@@ -208,6 +208,10 @@ class PlaceSearch:
             1 if start is not None else 2,
             "names of single numbers" if start is not None else "names; nothing says the first one, so around zero",
         )
+        unused = [name for name in scalars if side and last_part(name).startswith(side) and self._named_unit(name)]
+        for name in unused:
+            if name not in named:
+                self._found(f"{name!r} is not used", 2, f"a length of {entry} whose meaning is not known")
         return True
 
     def _named_unit(self, name: str) -> str | None:
