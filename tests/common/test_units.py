@@ -35,6 +35,23 @@ def test_a_full_turn_is_the_same_in_degrees_and_radians():
     assert unit_named("in") == "inch"
 
 
+@pytest.mark.parametrize(
+    ("names", "unit"),
+    [
+        ("millimeter millimetre millimeters Millimetres", "mm"),
+        ("centimeter centimetre centimeters CENTIMETRES", "cm"),
+        ("micrometers", "um"),
+        ("gigahertz GigaHertz", "GHz"),
+        ("megahertz Megahertz", "MHz"),
+        ("Hertz", "Hz"),
+        ("nanosecond nanoseconds", "ns"),
+        ("foot feet", "ft"),
+    ],
+)
+def test_units_may_be_written_out(names, unit):
+    assert {unit_named(name) for name in names.split()} == {unit}
+
+
 @pytest.mark.parametrize("text", ["300 GHz", "3 parsec", "wall", "", "1e", "nan", "inf", "1 2 m", "0x3 m"])
 def test_what_is_no_length_is_refused_in_one_sentence(text):
     with pytest.raises(mf.InputError, match="is no length, expected a number") as refused:

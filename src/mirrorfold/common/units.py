@@ -39,9 +39,20 @@ OTHER_NAMES = {
     "deg": "degree", "degrees": "degree", "°": "degree", "rad": "radian", "radians": "radian",
     "in": "inch", "inches": "inch", '"': "inch", "µm": "um", "μm": "um", "micron": "um", "µs": "us", "μs": "us",
     "sec": "s", "metre": "m", "meter": "m", "metres": "m", "meters": "m",
-    "hertz": "Hz", "second": "s", "seconds": "s",
+    "hertz": "Hz", "second": "s", "seconds": "s", "foot": "ft", "feet": "ft",
 }  # fmt: skip
 """Other names that people write for units."""
+
+PREFIXES = {"pico": "p", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M", "giga": "G",
+            "tera": "T"}  # fmt: skip
+"""Words before the names of units, and the letters that stand for them, as in ``millimetres``."""
+
+OTHER_NAMES |= {
+    f"{prefix}{name}": f"{short}{unit}"
+    for prefix, short in PREFIXES.items()
+    for name, unit in OTHER_NAMES.items()
+    if f"{short}{unit}" in UNITS
+}
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 """A number, and the name of a unit, which may be empty."""
@@ -61,7 +72,7 @@ def unit_named(name: str) -> str | None:
     if name in UNITS:
         return name
     lower = name.lower()
-    return next((unit for unit in UNITS if unit.lower() == OTHER_NAMES.get(lower, lower)), None)
+    return next((unit for unit in UNITS if unit.lower() == OTHER_NAMES.get(lower, lower).lower()), None)
 
 
 def other_unit(said: Any, unit: str) -> str | None:

@@ -346,12 +346,18 @@ def test_files_are_joined_to_frames_of_the_same_pairs_and_waves(tmp_path):
         mf.import_data(files, mapping=mapping)
 
 
-def test_places_without_a_unit_are_in_that_of_their_variables(tmp_path):
+@pytest.mark.parametrize(
+    ("attribute", "unit", "per_metre"),
+    [("units", "cm", 100.0), ("unit", "Millimeters", 1e3), ("Units", "inch", 1 / 0.0254), ("UNIT", "cm", 100.0)],
+)
+def test_places_without_a_unit_are_in_that_of_their_variables(tmp_path, attribute, unit, per_metre):
     f, tx, rx = np.linspace(290e9, 300e9, 11), line_of(3), line_of(4, 0.01)
     s = echo(f, tx, rx)
     with h5py.File(tmp_path / "d.h5", "w") as file:
-        file["s"], file["f"], file["a"], file["rx_x_mm"], file["b"] = s, f, 100 * tx, 1e3 * rx[:, 0], rx
-        file["a"].attrs["units"] = "cm"
+        file["s"], file["f"], file["a"], file["rx_x_mm"], file["b"] = (
+            s, f / 1e6, per_metre * tx, 1e3 * rx[:, 0], rx,
+        )  # fmt: skip
+        file["a"].attrs[attribute], file["f"].attrs[attribute] = unit, "megahertz"
     mapping = {"s": {"variable": "s", "dims": ["frequency", "tx", "rx"]}, "frequency": "f", "tx": {"position": "a"}}
     for places in ({"x": "rx_x_mm"}, {"position": "b"}, {"x": "rx_x_mm", "unit": "mm"}):
         same(mf.import_data(tmp_path / "d.h5", mapping=mapping | {"rx": places}), f, tx, rx, s)

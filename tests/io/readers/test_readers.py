@@ -94,9 +94,11 @@ def test_classic_netcdf_is_read_with_its_dimensions(tmp_path, samples):
         file.createDimension("position", 4)
         for name, values in (("s_re", samples.real), ("s_im", samples.imag)):
             file.createVariable(name, "f8", ("frequency", "position"))[:] = values
+            file.variables[name].Unit = "V"
     contents = read_contents(tmp_path / "old.nc")
     np.testing.assert_array_equal(contents.array("s_re") + 1j * contents.array("s_im"), samples)
     assert contents.variables["s_re"].dims == ("frequency", "position")
+    assert contents.variables["s_re"].attrs == {"units": "V"}
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])

@@ -164,6 +164,18 @@ def left_out(path: Path, headings: Iterable[str]) -> str:
     return f"{path}: the columns {listed(map(repr, headings))} are not understood and left out"
 
 
+def unit_attribute(names: Iterable[str]) -> str | None:
+    """The name of the attribute that tells the unit of an array: "units", else "unit", whatever the capitals.
+
+    Examples
+    --------
+    >>> unit_attribute(["unit", "Units", "scale"]), unit_attribute(["UNIT"]), unit_attribute(["scale"])
+    ('Units', 'UNIT', None)
+    """
+    found = {name.lower(): name for name in sorted(names)}  # small letters come last, and count first
+    return found.get("units", found.get("unit"))
+
+
 def nbytes(shape: tuple[int, ...], itemsize: int) -> int:
     """Size of an array [bytes], as a Python integer, which does not overflow."""
     size = int(itemsize)

@@ -16,7 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from mirrorfold.io.readers.contents import nbytes
+from mirrorfold.io.readers.contents import nbytes, unit_attribute
 from mirrorfold.io.readers.hdf5_varying import Budget, RefusedError, varies
 
 MOST_OBJECTS = 100_000
@@ -27,9 +27,6 @@ TEXT_BYTES = 1 << 20
 
 SMALL_BYTES = 1 << 20
 """Largest size of arrays that are read to see whether the library survives it [bytes]."""
-
-UNITS = ("units", "unit", "long_name")
-"""Attributes of arrays that are kept."""
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 """How the attribute NAME of an array begins that stands for the length of a netCDF dimension and holds only zeros
@@ -191,7 +188,8 @@ def _described(name: str, dataset: h5py.Dataset, budget: Budget) -> dict[str, An
         return None
     if str(_attr(dataset.attrs, "NAME", budget)).startswith(NO_VARIABLE):
         return None
-    attrs = {str(key): _attr(dataset.attrs, key, budget) for key in dataset.attrs if str(key) in UNITS}
+    said = unit_attribute(map(str, dataset.attrs))
+    attrs = {} if said is None else {"units": _attr(dataset.attrs, said, budget)}
     dims = []
     for axis in dataset.dims:
         scales = axis.values()

@@ -9,7 +9,7 @@ import numpy as np
 
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers import Reader
-from mirrorfold.io.readers.contents import Contents, Variable, read_bytes
+from mirrorfold.io.readers.contents import Contents, Variable, read_bytes, unit_attribute
 
 RECORDS_AT = 4
 """Byte of the header at which the number of records is stored."""
@@ -50,7 +50,7 @@ def read(path: Path) -> Contents:
             str(name): Variable.of(
                 np.array(found.data, dtype=found.data.dtype.newbyteorder("=")),
                 tuple(map(str, found.dimensions)),
-                {"units": _text(found._attributes.get("units", ""))},
+                {"units": _text(found._attributes.get(unit_attribute(found._attributes), ""))},
             )
             for name, found in file.variables.items()
             if found.data.dtype.kind in "fiu"
