@@ -234,7 +234,9 @@ def test_files_of_mirrors_keep_every_bit(tmp_path):
         ),
         ('{"mirrors": [{"start": [0, 1], "end": [0, NaN]}]}', "not finite"),
         ('{"mirrors": [{"start": [0, 1], "end": "x"}]}', "two ends"),
-        ('{"mirrors": [{"start": [0, "1"], "end": [1, 1]}]}', "two ends"),
+        ('{"mirrors": [{"start": [0, "1"], "end": [1, 1]}]}', "two ends.* got .*'start': .0, '1'"),
+        ('{"mirrors": [{"start": [0, "1 m"], "end": [1, 1]}]}', "mirror 0 has numbers with a unit and others without"),
+        ('{"mirrors": [{"start": [0, "1 s"], "end": [0, "2 m"]}]}', "mirror 0: '1 s' is no length, expected a number"),
         ('{"mirrors": [{"start": [true, false], "end": [true, true]}]}', "two ends"),
         ('{"mirrors": [{"start": [0, 1, 2], "end": [0, 1, 3]}]}', "two ends"),
         (
@@ -250,6 +252,25 @@ def test_wrong_files_of_mirrors_are_refused_by_name(tmp_path, content, words):
     with pytest.raises(mf.InputError, match=words) as caught:
         read_mirrors(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("said", "meant"),
+    [
+        (
+            {"start": ["-13cm", "98 cm"], "end": [0, "1.21m"]},
+            {"start": [-0.13, 0.98], "end": [0, 1.21]},
+        ),
+        (
+            {"center": ["500 mm", "2 m", "1ft"], "radius": "3 in"},
+            {"center": [0.5, 2, 0.3048], "radius": 0.0762},
+        ),
+    ],
+)
+def test_lengths_in_a_file_of_mirrors_may_have_units(tmp_path, said, meant):
+    path = tmp_path / "mirrors.json"
+    path.write_text(json.dumps({"mirrors": [said]}))
+    assert_allclose(read_mirrors(path), check_mirrors([meant]), rtol=1e-12)
 
 
 def test_corners_may_go_round_either_way_from_any_of_them():

@@ -288,6 +288,30 @@ def test_the_mark_between_the_side_and_the_axis_may_be_missing(scan, tmp_path):
     is_the_scan(mf.import_data(scan[0], positions=tmp_path / "p.csv"), scan[1])
 
 
+def test_numbers_of_the_table_may_have_units(scan, tmp_path):
+    for delimiter, headings in ((",", "file,tx_x,tx_z_mm,rx_x,rx_z [m]"), (";", "file,tx_x,tx_z,rx_x,rx_z")):
+        first, *lines = table(headings, delimiter=delimiter)
+        lines = [delimiter.join([cell if n == 0 else f"{cell} mm" for n, cell in enumerate(line.split(delimiter))])
+                 for line in lines]  # fmt: skip
+        (tmp_path / "p.csv").write_text("\n".join([first, *lines]))
+        is_the_scan(mf.import_data(scan[0], positions=tmp_path / "p.csv"), scan[1])
+
+
+@pytest.mark.parametrize(
+    ("cell", "message"),
+    [
+        ("-1 mm", "p.csv: the column 'tx_x' gives some numbers a unit and others none"),
+        ("-1 s", "line 2 holds '-1 s' as tx_x, expected a number, which may have a unit: m, cm, mm"),
+    ],
+)
+def test_units_of_one_column_are_of_one_kind_and_complete(scan, tmp_path, cell, message):
+    lines = table("file,tx_x,tx_z_mm,rx_x_mm,rx_z_mm")
+    (tmp_path / "p.csv").write_text("\n".join([lines[0], lines[1].replace("-1,", f"{cell},"), *lines[2:]]))
+    with pytest.raises(InputError) as caught:
+        mf.import_data(scan[0], positions=tmp_path / "p.csv")
+    assert message in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("headings", "message"),
     [

@@ -1,8 +1,8 @@
 """Mirrors that the user gives, in the place of detected ones.
 
-They come from a JSON file, in metres and in the coordinates of the unfolded image, where a mirror that is seen through
-another one is a ghost itself. The lines and arcs of an image, and the planes, cylinders (by both ends of the axis) and
-spheres of a volume, are written as::
+They come from a JSON file, in metres (or as texts with a unit, ``"98 cm"``) and in the coordinates of the unfolded
+image, where a mirror that is seen through another one is a ghost itself. The lines and arcs of an image, and the
+planes, cylinders (by both ends of the axis) and spheres of a volume, are written as::
 
     {"mirrors": [{"start": [x, y], "end": [x, y]}, {"start": [x, y], "through": [x, y], "end": [x, y]}, ...]}
 
@@ -22,13 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mirrorfold.common.arcs import Arc, as_three_points, in_line
-from mirrorfold.common.arguments import expect_unit
+from mirrorfold.common.arguments import expect_unit, in_message
 from mirrorfold.common.geometry import cross2
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import parsed, read_text
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import mixes_units, parse_quantity, split_quantity
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
@@ -81,7 +82,7 @@ def check_mirrors(mirrors: ArrayLike, source: str = "mirrors") -> Array:
     if places.shape[:1] == (0,):
         return np.empty((0, 2, 2))
     if places.ndim != 3 or places.shape[1:] not in ((2, 2), (3, 2), (4, 3)):
-        found = "something else" if places.ndim == 0 else f"an array of shape {places.shape}"
+        found = in_message(mirrors) if places.ndim == 0 else f"an array of shape {places.shape}"
         raise InputError(
             f"{source}: expected for each mirror its two ends of two numbers, of an arc a point between them, too, or "
             f"in space its four corners of three numbers [m], got {found}"
@@ -164,14 +165,33 @@ def read_mirrors(path: str | Path) -> Array:
     Raises
     ------
     InputError
-        If the file is missing, is not JSON, or holds no mirrors.
+        If the file is missing, is not JSON, or holds no mirrors, or only some numbers of a mirror have a unit.
     """
     text = read_text(path, "give a JSON file of mirrors")
     content = parsed(text, "JSON", str(path), f"expected {EXAMPLE}")
     mirrors = content.get("mirrors") if isinstance(content, dict) else None
     if not isinstance(mirrors, list):
         raise InputError(f"{path}: holds no list 'mirrors'; expected {EXAMPLE}")
-    return check_mirrors(mirrors, str(path))
+    return check_mirrors([_in_metres(mirror, f"{path}: mirror {n}") for n, mirror in enumerate(mirrors)], str(path))
+
+
+def _in_metres(mirror: Any, source: str) -> Any:
+    """The entry of a mirror in a file, with numbers in metres in the place of texts such as ``"98 cm"``."""
+    if mixes_units(list(mirror.values()) if isinstance(mirror, dict) else mirror):
+        raise InputError(f"{source} has numbers with a unit and others without; give each its unit, as in '98 cm'")
+
+    def read(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: read(item) for name, item in value.items()}
+        if isinstance(value, list):
+            return [read(item) for item in value]
+        found = split_quantity(value) if isinstance(value, str) else None
+        return parse_quantity(value, "length") if found is not None and found[1] else value
+
+    try:
+        return read(mirror)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
 
 
 FORMS: dict[frozenset[str], Callable[..., list[Any]]] = {

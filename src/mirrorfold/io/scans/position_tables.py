@@ -4,8 +4,8 @@ A table of files has a column ``file`` (a name, or a pattern with ``*`` that fit
 ``tx_x, tx_y, tx_z, rx_x, rx_y, rx_z``; or ``x, y, z`` of one antenna that transmits and receives; or
 ``azimuth, elevation`` of a beam. A table of antennas has a column ``antenna``, with ``tx1, tx2 ... rx1, rx2 ...``, or
 with numbers alone if each antenna transmits and receives, and the columns ``x, y, z``. Coordinates that are left out
-are zero. A unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``. Columns with other headings are left out,
-with a warning; a heading that looks like that of a place is refused.
+are zero. A unit is part of the heading, as in ``tx_x_mm`` or ``tx_x [mm]``, or follows each number. Columns with other
+headings are left out, with a warning; a heading that looks like that of a place is refused.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from mirrorfold.common.units import KINDS, UNITS, unit_named
+from mirrorfold.common.units import KINDS, UNITS, mixes_units, parse_quantity, unit_named
 from mirrorfold.errors import InputError
 from mirrorfold.io.readers.contents import left_out, read_bytes
 from mirrorfold.io.readers.lines import LONGEST_CELL, parse_number
@@ -91,7 +91,7 @@ def read_table(path: Path) -> tuple[str, list[FilePosition]]:
     unknown = [cell[:LONGEST_CELL] for cell, (name, _) in zip(headings, columns, strict=True) if cell and not name]
     if unknown:
         warnings.warn(left_out(path, unknown), stacklevel=4)
-    result = []
+    result, rows = [], []
     for number, line in lines[1:]:
         where = f"{path}: line {number}"
         cells = _cells(path, number, line, delimiter)
@@ -103,14 +103,39 @@ def read_table(path: Path) -> tuple[str, list[FilePosition]]:
             if name == kind:
                 label = cell.strip()
             elif name in UNIT_KINDS:
-                value = parse_number(cell, decimal_comma=delimiter != ",")
-                if not isinstance(value, float) or not np.isfinite(value):
-                    raise InputError(f"{where} holds {cell[:40]!r} as {title}, expected a number")
-                numbers[name] = unit * value
+                numbers[name] = _number(cell, f"{where} holds {cell[:40]!r} as {title}", name, unit or 1.0, delimiter)
         if not label:
             raise InputError(f"{where}, {line[:80]!r}, names no {kind}")
         result.append(FilePosition(label, where, numbers))
+        rows.append(cells)
+    for title, (name, unit), *column in zip(headings, columns, *rows, strict=True):
+        if name in UNIT_KINDS and unit is None and mixes_units(column):
+            raise InputError(
+                f"{path}: the column {title!r} gives some numbers a unit and others none; give all the same, in the "
+                f"heading, as in {name}_{'deg' if name in ANGLES else 'mm'}"
+            )
     return kind, result
+
+
+def _number(cell: str, found: str, name: str, unit: float, delimiter: str) -> float:
+    """The number in a cell, in SI units; `unit` is the factor of a number without a unit of its own.
+
+    Raises
+    ------
+    InputError
+        If it is no finite number, or its unit is of another kind; the sentence begins with `found`.
+    """
+    value = parse_number(cell, decimal_comma=delimiter != ",")
+    if isinstance(value, float):
+        result = unit * value
+    else:
+        try:
+            result = parse_quantity(cell if delimiter == "," else cell.replace(",", "."), UNIT_KINDS[name])
+        except InputError:
+            result = np.nan
+    if not np.isfinite(result):
+        raise InputError(f"{found}, expected a number, which may have a unit: {', '.join(KINDS[UNIT_KINDS[name]])}")
+    return result
 
 
 def _kind(where: str, names: Sequence[str]) -> str:
@@ -150,12 +175,12 @@ LIKE_A_PLACE = re.compile(r"^(tx|rx)|^([xyz]|az|el)([_ \[(]|$)")
 """Beginning of a heading that is probably meant as that of a place or a direction."""
 
 
-def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
-    """Name of a column, and the factor of its unit; the name is empty for a column that is left out."""
+def _heading(path: Path, number: int, cell: str) -> tuple[str, float | None]:
+    """Name of a column, empty if it is left out, and the factor of its unit, None if the heading names none."""
     text = cell.lower()[:LONGEST_CELL]
     for name, others in (("file", FILE_NAMES), ("antenna", ANTENNA_NAMES)):
         if text in others:
-            return name, 1.0
+            return name, None
     match = UNIT_AT_END.search(text)
     said = (match[1] or match[2]) if match else None
     unit = unit_named(said) if said else None
@@ -167,14 +192,14 @@ def _heading(path: Path, number: int, cell: str) -> tuple[str, float]:
                 f"{path}: line {number} has the heading {cell[:LONGEST_CELL]!r}, which is not understood; expected one "
                 f"of {', '.join(sorted(UNIT_KINDS))}, with a unit such as tx_x_mm; rename it, or leave the column out"
             )
-        return "", 1.0
+        return "", None
     expected = KINDS[UNIT_KINDS[name]]
     if said and unit not in expected:
         raise InputError(
             f"{path}: line {number} has the heading {cell!r} with the unit {said!r}, expected one of "
             f"{', '.join(expected)}"
         )
-    return name, UNITS[unit] if unit else 1.0
+    return name, UNITS[unit] if unit else None
 
 
 ANTENNA = re.compile(r"(?:(?P<side>t|tx|transmitter|r|rx|receiver)(?![a-z]))?[ _-]*(?P<number>\d{1,9})?", re.IGNORECASE)
