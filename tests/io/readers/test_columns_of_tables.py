@@ -72,6 +72,16 @@ def test_headings_marks_and_encodings(tmp_path, text, encoding):
     same(mf.import_data(path, positions=PLACES), FREQUENCY, TX, RX, S)
 
 
+@pytest.mark.parametrize("between", [" ", ",", ", ", ";", "\t"])
+@pytest.mark.parametrize("mark", [" ", ",", ";"])
+def test_the_header_of_savetxt_may_have_other_marks_than_the_numbers(tmp_path, between, mark):
+    path = tmp_path / "a.csv"
+    n, i, k = np.indices(S.shape).reshape(3, -1)
+    rows = np.column_stack([FREQUENCY[n] / 1e9, i + 1, k + 1, S.real.ravel(), S.imag.ravel()])
+    np.savetxt(path, rows, delimiter=mark, header=between.join(HEADINGS))
+    same(mf.import_data(path, positions=PLACES), FREQUENCY, TX, RX, S)
+
+
 def test_words_in_a_column_that_means_something_are_refused(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(long(HEADINGS).replace("\n290,1,1,", "\n290,first,1,"))

@@ -2,7 +2,7 @@
 
 Columns are separated by commas, semicolons, tabs, bars or blanks; with semicolons, tabs or bars, numbers may have
 decimal commas. Lines that begin with one of ``# ! % //`` are comments; the last line of words before the numbers holds
-the headings, or if none does, the last comment.
+the headings, or if none does, the last comment. Headings may be separated by another mark than the numbers.
 """
 
 from __future__ import annotations
@@ -79,7 +79,9 @@ def begun(path: Path, raw: bytes) -> Begun:
     cells = split(lines[first][1], delimiter)
     before = [lines[first - 1][1]] if first else []
     before += [line.lstrip("#!%/ ") for number, line in every if number < lines[first][0]][-1:]
-    named = [[heading.strip("\"' ") for heading in _headings(line, delimiter)] for line in before]
+    # np.savetxt writes its header as it is given, often with other marks than those of the numbers.
+    marks = dict.fromkeys([delimiter, *map(_delimiter, before), " "])
+    named = [[name.strip("\"' ,;") for name in _headings(line, mark)] for mark in marks for line in before]
     headings = next((names for names in named if len(names) == len(cells) > _numbers(names)), [])
     return Begun(lines[first:], headings, cells, delimiter)
 
