@@ -1,4 +1,4 @@
-"""What the command line says where a frame has to be named, or a level has a unit."""
+"""What the command line says where a frame has to be named, or numbers have a unit, or another one than expected."""
 
 from __future__ import annotations
 
@@ -37,3 +37,25 @@ def test_a_level_with_its_unit_is_told(recording, capsys):
     assert main(["fold", "images.nc", "--frame", "0", "-o", "out.nc", "--threshold-db", "-18dB"]) == 2
     assert "'-18dB' is no number; leave out its unit" in capsys.readouterr().err
     assert main(["fold", "images.nc", "--frame", "0", "-o", "out.nc", "--threshold-db", "-18"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("in_millimetres", "doubt"),
+    [
+        ([], ""),
+        (["tx", "rx"], "Neighbouring antennas stand 0.5 m apart"),
+        (["rx"], "Transmitters and receivers stand up to 2 m apart, but the frequency steps tell"),
+    ],
+)
+@pytest.mark.parametrize("options", [[], ["--wave-speed", "3e8"]])
+def test_focusing_doubts_positions_in_millimetres_once(
+    sweep, tmp_path, monkeypatch, capsys, in_millimetres, doubt, options
+):
+    monkeypatch.chdir(tmp_path)
+    for side in in_millimetres:
+        sweep[f"{side}_position"] = 1e3 * sweep[f"{side}_position"]
+    mf.save(sweep, "s.nc")
+    assert main(["focus", "s.nc", "-o", "i.nc", "--x", "-0.1:0.1:0.01", "--y", "0.3:0.5:0.01", *options]) == 0
+    said = capsys.readouterr().err
+    assert said.count(doubt or "probably in") == bool(doubt)
+    assert said.count("--position-unit mm") == bool(doubt)

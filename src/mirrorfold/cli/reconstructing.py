@@ -95,10 +95,14 @@ def focus(
     output = required(output, "image.nc")
     netcdf_file(output, inputs=[sweep])
     prepare_to_read(sweep)
+    from mirrorfold.sweep import place_doubts
+
     focus_sweep = mf.focus  # imported now: two threads must not import at once
     with ThreadPoolExecutor(1) as beside:
         reading, described = _read_beside(beside, sweep, given, frame, diagnose=False)
         measured = reading.result()
+        speed = {name: given[name] for name in ("wave_speed",) if given.get(name) is not None}
+        remark(f"{doubt.what} Remedy: {doubt.advice}" for doubt in place_doubts(measured.assign_attrs(speed)))
         with progress("focusing") as report:
             image = focus_sweep(measured, **given, progress=report)
         remark(described.result().remarks)

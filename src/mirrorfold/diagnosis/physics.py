@@ -21,7 +21,7 @@ from mirrorfold.diagnosis.neighbours import phase_findings
 from mirrorfold.diagnosis.orders import order_findings
 from mirrorfold.diagnosis.sharpness import sharpness_findings
 from mirrorfold.diagnosis.wavefronts import CURVATURE_STEP, IN_PHASE, Wavefronts, in_phase, wavefronts
-from mirrorfold.sweep import is_monostatic, unit_doubts, wave_speed
+from mirrorfold.sweep import is_monostatic, place_doubts, wave_speed
 from mirrorfold.sweep.pairs import Pairs, on_a_line, pairs_of
 
 SUSPECT_PITCH = 15.0
@@ -72,7 +72,7 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     if waves is None or in_phase(waves) < IN_PHASE:
         found = [_unit_finding(unit)] if unit is not None else unit_findings(sweep)
         if not found and "rx" in sweep.dims:
-            found = _far_apart(pairs) or direct_findings(every)
+            found = direct_findings(every)
             if not found and waves is not None:
                 found = order_findings(pairs, waves)
         return found or phase_findings(sweep), {"waves": False, "exchange": False}
@@ -142,11 +142,7 @@ def _rounded(value: float, error: float) -> str:
 
 def unit_findings(sweep: xr.Dataset) -> list[Finding]:
     """Findings of positions or directions that are probably in another unit, judged by their size alone."""
-    return [
-        Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option)
-        for doubt in unit_doubts(sweep)
-        if doubt.name != "frequency-unit"
-    ]
+    return [Finding(doubt.name, doubt.what, SURE_OF_DISTANCE, doubt.option) for doubt in place_doubts(sweep)]
 
 
 def _unit_finding(unit: str) -> Finding:
@@ -155,25 +151,6 @@ def _unit_finding(unit: str) -> Finding:
         f"The waves fit to positions a factor {1 / UNITS[unit]:g} smaller: they are in {_NAMES[unit]}, not in metres."
     )
     return Finding("position-unit", what, SURE_OF_UNIT, f"--position-unit {unit}")
-
-
-def _far_apart(pairs: Pairs) -> list[Finding]:
-    """The finding that positions are in millimetres, not metres.
-
-    It is made where transmitters and receivers stand farther apart than the longest path that the frequency steps can
-    measure, ``c / df``.
-    """
-    if pairs.wavenumber.size < 2:
-        return []
-    longest = 2.0 * np.pi * (pairs.wavenumber.size - 1) / float(np.ptp(pairs.wavenumber))
-    away = np.linalg.norm(pairs.tx[pairs.tx_of] - pairs.rx[pairs.rx_of], axis=1).max()
-    if away <= longest:
-        return []
-    what = (
-        f"Transmitters and receivers stand up to {away:.3g} m apart, but the frequency steps tell delays of no more "
-        f"than {longest:.3g} m: their positions are probably in millimetres, not in metres."
-    )
-    return [Finding("position-unit", what, SURE_OF_DISTANCE, "--position-unit mm")]
 
 
 _NAMES = {"mm": "millimetres", "cm": "centimetres", "um": "micrometres", "inch": "inches"}

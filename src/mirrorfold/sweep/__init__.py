@@ -18,7 +18,7 @@ false for pairs that were not measured or are masked. Samples of such pairs are 
 
 from __future__ import annotations
 
-from mirrorfold.sweep.checks import UnitDoubt, check_sweep, check_waves, frequency_unit_of, unit_doubts
+from mirrorfold.sweep.checks import UnitDoubt, check_sweep, check_waves, frequency_unit_of, place_doubts, unit_doubts
 from mirrorfold.sweep.facts import (
     AXES,
     AXES_REMEDY,
@@ -66,6 +66,7 @@ __all__ = [
     "make_raster_sweep",
     "make_sweep",
     "misaligned_axis",
+    "place_doubts",
     "radar_position",
     "range_resolution",
     "uneven_steps",

@@ -34,6 +34,7 @@ from mirrorfold.sweep.facts import (
     STEP_TOLERANCE,
     TIME_CONVENTION,
     antenna_positions,
+    frequency_step,
     is_monostatic,
     is_raster,
     uneven_steps,
@@ -270,6 +271,25 @@ def unit_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
         f"probably in {unit}, not in metres."
     )
     return [UnitDoubt("position-unit", what, f"--position-unit {unit}")]
+
+
+def place_doubts(sweep: xr.Dataset) -> list[UnitDoubt]:
+    """Find positions or angles of a valid sweep that are probably in another unit, also of one side alone."""
+    found = [doubt for doubt in unit_doubts(sweep) if doubt.name != "frequency-unit"]
+    if found or "rx" not in sweep.dims or sweep.sizes["frequency"] < 2 or sweep.attrs.get("scene_center") is not None:
+        return found
+    tx, rx = antenna_positions(sweep)
+    longest = wave_speed(sweep) / frequency_step(sweep)
+    if extent(tx, rx) <= longest:
+        return []
+    away = max(float(np.linalg.norm(rx - place, axis=1).max()) for place in tx)
+    if away <= longest:
+        return []
+    what = (
+        f"Transmitters and receivers stand up to {away:.3g} m apart, but the frequency steps tell delays of no more "
+        f"than {longest:.3g} m: their positions are probably in millimetres, not in metres."
+    )
+    return [UnitDoubt("position-unit", what, "--position-unit mm")]
 
 
 def _check_attrs(sweep: xr.Dataset, refuse: Refuse) -> None:
