@@ -91,7 +91,10 @@ def test_a_frame_is_named_where_there_is_a_choice():
     assert pick_frame(alone) is alone
     assert pick_frame(alone, 0) is alone
     for wrong, said in ((None, "a frame is needed, but there are 3 frames, numbered from 0 to 2"),
-                        (3, "frame is 3, but there are 3 frames"), (-1, "is -1"), ("1", "is '1'")):  # fmt: skip
+                        (3, "frame is 3, but there are 3 frames"), (-1, "is -1"), ("1", "is '1'"),
+                        ("a", "frame is 'a', but there are 3 frames, numbered from 0 to 2; choose one"),
+                        (1.5, "frame is 1.5, but there are 3 frames, numbered from 0 to 2; choose one"),
+                        (np.arange(2), "frame is an array")):  # fmt: skip
         with pytest.raises(InputError, match=said):
             pick_frame(image, wrong)
     with pytest.raises(InputError, match="frame is 1, but there are no frames; leave --frame out"):

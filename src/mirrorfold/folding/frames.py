@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import xarray as xr
 
-from mirrorfold.common.arguments import in_message, whole_number, wrong_kind
+from mirrorfold.common.arguments import finite, in_message, wrong_kind
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 
@@ -66,17 +66,17 @@ def pick_frame(obj: Framed, frame: int | None = None) -> Framed:
 
 def _asked(frame: int | None, count: int | None) -> int | None:
     """The number of the frame that is asked for, of so many; None for an object that is no recording."""
-    frame = None if frame is None else whole_number("frame", frame, lowest=-(2**63))
-    if count is None and frame in (None, 0):
+    number = finite(frame)
+    if count is None and (frame is None or number == 0):
         return None
     if frame is None and count == 1:
         return 0
-    if count is None or frame is None or not 0 <= frame < count:
+    if count is None or number is None or not number.is_integer() or not 0 <= number < count:
         found = "no frames" if count is None else f"{count} frames, numbered from 0 to {count - 1}"
         remedy = "choose one with --frame N, in Python with mf.pick_frame(x, N)" if count else "leave --frame out"
         asked = "a frame is needed" if frame is None else f"frame is {in_message(frame)}"
         raise InputError(f"{asked}, but there are {found}; {remedy}")
-    return frame
+    return int(number)
 
 
 def _frame_of(recording: xr.DataTree, number: int) -> xr.DataTree:
