@@ -69,6 +69,20 @@ def test_a_wide_table_is_a_cube(tmp_path, measured, form, parts):
     same(mf.import_data(path, positions=places(tx, rx)), *measured)
 
 
+@pytest.mark.parametrize(
+    ("headings", "cells", "named"),
+    [
+        ("S_1_1,S_1_1", "1+2i,3+4i", "'S_1_1' and 'S_1_1'"),
+        ("S_1_1,S_1_2,S11", "1+2i,3+4i,5+6i", "'S_1_1' and 'S11'"),
+        ("S_1_1_re,S_1_1_im,S_1_1_re,S_1_1_im", "1,2,3,4", "'S_1_1_re' and 'S_1_1_re'"),
+    ],
+)
+def test_no_pair_has_two_columns(tmp_path, headings, cells, named):
+    (tmp_path / "wide.csv").write_text(f"fGHz,{headings}\n290,{cells}\n291,{cells}\n")
+    with pytest.raises(mf.InputError, match=rf"wide\.csv: the columns {named} hold the same pair; rename one"):
+        mf.import_data(tmp_path / "wide.csv", positions={"tx": {"x": [0.0, 1.0]}, "rx": {"x": [0.0]}})
+
+
 def test_a_wide_table_of_complex_cells(tmp_path, measured):
     f, tx, rx, s = measured
     names = [f"S_{i + 1}_{j + 1}" for j in range(3) for i in range(12)]

@@ -163,6 +163,11 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
         Headings that are not understood.
     halves : dict
         For each column that is half a complex number, such as a magnitude without phase: by heading, what it holds.
+
+    Raises
+    ------
+    InputError
+        If the frequencies are complex, or two columns hold the same pair of antennas.
     """
     short = [(n, heading) for n, heading in enumerate(table.headings) if len(heading) <= LONGEST_CELL]
     found = [(n, match) for n, heading in short if (match := FREQUENCY.match(heading))]
@@ -179,13 +184,19 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
     }
     taken = {n: heading for n, heading in others.items() if _is_complex(heading, table.values[:, n])}
     if taken and np.iscomplexobj(table.values):
+        columns: dict[str, int] = {}
+        for n, heading in taken.items():
+            if columns.setdefault(_name(heading), n) != n:
+                raise _twice(path, table.headings[columns[_name(heading)]], heading)
         unknown = [heading for n, heading in others.items() if n not in taken]
-        return Spectra(frequency, {_name(heading): table.values[:, n] for n, heading in taken.items()}), unknown, {}
+        return Spectra(frequency, {name: table.values[:, n] for name, n in columns.items()}), unknown, {}
     parts: dict[str, dict[str, NDArray[np.float64]]] = {}
     unknown = []
     whose: dict[tuple[str, str], str] = {}
     for n, heading in others.items():
         kind, name = _kind(heading)
+        if kind is not None and whose.get((name, kind)) == heading and PARAMETER.search(heading):
+            raise _twice(path, heading, heading)
         if kind is None or kind in parts.get(name, {}):
             unknown.append(heading)
             continue
@@ -197,6 +208,11 @@ def _spectra(path: Path, table: Table) -> tuple[Spectra | None, list[str], dict[
     halves = {heading: HALVES[kind] for (name, kind), heading in whose.items() if made[name] is None}
     complete = {name: values for name, values in made.items() if values is not None}
     return (Spectra(frequency, complete, phases) if complete else None), unknown, halves
+
+
+def _twice(path: Path, first: str, second: str) -> InputError:
+    """The error for two columns of one pair of antennas, or of one scattering parameter."""
+    return InputError(f"{path}: the columns {first!r} and {second!r} hold the same pair; rename one, or leave it out")
 
 
 def _is_complex(heading: str, values: NDArray) -> bool:
