@@ -43,6 +43,23 @@ def test_frequencies_without_their_unit_are_refused_with_it(tmp_path, scale, uni
     np.testing.assert_allclose(sweep["frequency"], F)
 
 
+@pytest.mark.parametrize("numbered", [True, False])
+def test_frequencies_of_a_table_get_their_unit_in_its_heading(tmp_path, numbered):
+    n, i, k = np.indices(S.shape).reshape(3, -1)
+    at = (i, k) if numbered else (TX[i, 0], RX[k, 0])
+    rows = np.column_stack([F[n] / 1e9, *at, S.real.ravel(), S.imag.ravel()])
+    given = {"positions": {"tx": {"position": TX.tolist()}, "rx": {"position": RX.tolist()}}} if numbered else {}
+
+    def read(heading):
+        names = [heading, *(("tx", "rx") if numbered else ("tx_x", "rx_x")), "re", "im"]
+        np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=",".join(names))
+        return mf.import_data(tmp_path / "a.csv", **given)
+
+    with pytest.raises(mf.InputError, match="say their unit in the heading of their column, probably freq_GHz, or the"):
+        read("freq")
+    np.testing.assert_allclose(read("freq_GHz")["frequency"], F)
+
+
 def test_times_without_their_unit_are_refused_with_it(tmp_path):
     step = 1 / 60e9
     t = np.arange(256) * step

@@ -67,7 +67,10 @@ def _check_unit(quantities: Quantities, mapping: Mapping, sweep: xr.Dataset) -> 
     if mapping.time is not None:
         meant = {"GHz": "ns", "MHz": "us", "THz": "ps", "kHz": "ms"}[meant]
         raise quantities.fail(f'{what}; the times are probably in {meant}: say [time] unit = "{meant}"')
-    raise quantities.fail(f'{what}; say their unit, probably [frequency] unit = "{meant}", or the wave_speed of sound')
+    said = f'say their unit, probably [frequency] unit = "{meant}"'
+    if quantities.contents.reader == "table" and mapping.frequency and mapping.frequency.variable == "frequency":
+        said = f"say their unit in the heading of their column, probably freq_{meant}"
+    raise quantities.fail(f"{what}; {said}, or the wave_speed of sound")
 
 
 def join(sweeps: Sequence[xr.Dataset], along: str, names: Sequence[str]) -> xr.Dataset:
