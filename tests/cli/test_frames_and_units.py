@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.common.units import UNITS
 
 
 @pytest.fixture
@@ -59,3 +61,25 @@ def test_focusing_doubts_positions_in_millimetres_once(
     said = capsys.readouterr().err
     assert said.count(doubt or "probably in") == bool(doubt)
     assert said.count("--position-unit mm") == bool(doubt)
+
+
+@pytest.mark.parametrize(
+    ("unit", "verb", "said"),
+    [
+        ("MHz", ["focus", "s.nc", "-o", "i.nc"], "s.nc: frequencies up to 300000 Hz make no sense"),
+        ("MHz", ["focus", "s.nc", "--dry-run"], "s.nc: frequencies up to 300000 Hz make no sense"),
+        ("GHz", ["focus", "s.nc", "-o", "i.nc"], "s.nc: frequencies up to 300 Hz make no sense"),
+        ("GHz", ["info", "s.nc"], "calibrate s.nc -o s-repaired.nc --frequency-unit GHz"),
+    ],
+)
+def test_frequencies_in_another_unit_are_told_once_and_with_the_file(
+    sweep, tmp_path, monkeypatch, capsys, unit, verb, said
+):
+    monkeypatch.chdir(tmp_path)
+    mf.save(sweep, "s.nc")
+    with h5py.File("s.nc", "r+") as file:
+        file["frequency"][...] /= UNITS[unit]
+    assert main(verb) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert message.count(f"probably in {unit}") == 1

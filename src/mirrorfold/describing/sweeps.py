@@ -166,8 +166,13 @@ def _broken(sweep: xr.Dataset, path: str, error: InputError) -> BrokenSweepFacts
     found = sample_findings(sweep)
     if not found:
         raise error
+    # What the error says with the option of a remedy is not said again, but for the command.
+    said = [
+        f"the command is: {one.command(path)}" if one.by_command and one.remedy in str(error) else sentence
+        for one, sentence in zip(found, _sentences(found, path), strict=True)
+    ]
     return BrokenSweepFacts(
-        **_contents(sweep), valid=False, remarks=[str(error), *_sentences(found, path)], findings=_findings(found, path)
+        **_contents(sweep), valid=False, remarks=[str(error), *said], findings=_findings(found, path)
     )
 
 

@@ -219,10 +219,11 @@ def check_waves(sweep: xr.Dataset) -> None:
     """
     unit = frequency_unit_of(sweep)
     if unit is not None:
+        source = sweep.encoding.get("source", "sweep")  # its file, if xarray has read it from one
         raise InputError(
-            f"sweep: frequencies up to {float(sweep['frequency'].max()):g} Hz make no sense with {_size(sweep)}; give "
-            f"the speed of sound as wave_speed, or the frequencies in hertz: they are probably in {unit} (calibrate "
-            f"--frequency-unit {unit})"
+            f"{source}: frequencies up to {float(sweep['frequency'].max()):g} Hz make no sense with {_size(sweep)}; "
+            f"give the speed of sound as wave_speed, or the frequencies in hertz: they are probably in {unit} "
+            f"(calibrate --frequency-unit {unit})"
         )
 
 
