@@ -102,6 +102,13 @@ def test_what_will_go_wrong_is_remarked():
     assert any("Not even" in r for r in mf.plan(**BASE, instrument=Instrument(power_dbm=-150))["remarks"])
 
 
+@pytest.mark.parametrize(("points", "told"), [(1001, True), (100_000, False)])
+def test_a_range_in_millimetres_is_remarked(points, told):
+    """Where the frequency steps tell ranges of hundreds of metres, a range of a kilometre may be meant."""
+    remarks = mf.plan(**BASE | {"range": 900.0, "points": points, "aperture": 0.002})["remarks"]
+    assert any("the room, 900 m, perhaps 900 mm were meant; measure at least" in one for one in remarks) == told
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

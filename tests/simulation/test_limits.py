@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -132,7 +133,8 @@ def test_an_arc_with_angles_in_radians_is_told(angles, told):
     scene = mf.parse_scene(SCENE | {"surface": [ARC | dict(zip(("start_angle", "stop_angle"), angles, strict=True))]})
     assert any('if these are radians, write "' in remark for remark in mf.info(scene)["remarks"]) == told
     few = replace(scene, array=replace(scene.array, elements=2), band=replace(scene.band, points=2))
-    with warnings.catch_warnings(record=True) as noted:
-        warnings.simplefilter("always")
-        mf.simulate(few, snr_db=20.0)
-    assert any("if these are radians" in str(note.message) for note in noted) == told
+    for work in (partial(mf.simulate, snr_db=20.0), estimate):
+        with warnings.catch_warnings(record=True) as noted:
+            warnings.simplefilter("always")
+            work(few)
+        assert any("if these are radians" in str(note.message) for note in noted) == told

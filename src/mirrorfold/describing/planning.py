@@ -9,6 +9,7 @@ from scipy.constants import Boltzmann, speed_of_light
 
 from mirrorfold.common.arguments import wrong_kind
 from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.plausible import reach, shorter_unit
 from mirrorfold.common.records import Number, Record, fact
 from mirrorfold.common.settings import takes
 from mirrorfold.common.types import Array
@@ -185,9 +186,11 @@ def _remarks(
         for name in asked.materials
         if not is_fitted(name, asked.band)
     ]
+    limit = reach(ambiguous, speed_of_light / asked.band[1])
     if by_ambiguity < 0:
+        meant = shorter_unit(asked.range, limit) if asked.range > limit else ""
         remarks.append(
-            f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {asked.range:g} m; "
+            f"The ambiguous range, {ambiguous:.3g} m, is shorter than the room, {asked.range:g} m{meant}; "
             f"measure at least {_points_for(asked.range, asked.band)} frequencies."
         )
     elif by_ambiguity < min(by_noise, MOST_REMARKED):

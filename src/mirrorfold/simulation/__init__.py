@@ -307,6 +307,8 @@ def estimate(
     """
     scene, bounces = as_scene(scene), whole_number("bounces", bounces, highest=MOST_BOUNCES)
     check_extent(scene)
+    for doubt in angle_doubts(scene):
+        warnings.warn(doubt, stacklevel=2)
     if not isinstance(scene, Scene):
         from mirrorfold.simulation.raster.estimate import estimate as estimate_scan
 
