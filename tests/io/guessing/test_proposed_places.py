@@ -61,6 +61,23 @@ def test_single_numbers_keep_the_units_of_their_own_names(tmp_path):
     same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
 
 
+@pytest.mark.parametrize(
+    ("band", "receivers"),
+    [
+        ({"f0_GHz": 290.0, "df_GHz": 0.5, "nf": 21}, 30),  # more receivers than frequencies
+        ({"f0_GHz": 290.0, "df_MHz": 500.0}, 9),
+        ({"f1": 300e9, "f0": 290e9, "nf": 21}, 9),
+        ({"f1": 290.0, "f2": 300.0}, 9),
+        ({"f_start_GHz": 290.0, "f_step": 0.5, "f_points": 21}, 30),
+    ],
+)
+def test_single_numbers_describe_the_band(tmp_path, band, receivers):
+    tx, rx = line_of(7), line_of(receivers, 0.01)
+    s = echo(FREQUENCY, tx, rx)
+    guess = proposed(tmp_path / "d.npz", s=s, tx_pos=1e3 * tx, rx_pos=1e3 * rx, **band)
+    same(mf.import_data(tmp_path / "d.npz", mapping=guess.entries), FREQUENCY, tx, rx, s)
+
+
 @pytest.mark.parametrize("first", ["tx_start_mm", "tx_first_mm", "tx_min_mm", "tx_x_start_mm", "start_tx_mm"])
 def test_the_first_place_has_one_of_many_names(tmp_path, first):
     tx, rx = line_of(7, 0.02), line_of(9, 0.04) + np.array([0.0, 0.0, 0.015])

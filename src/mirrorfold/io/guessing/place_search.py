@@ -216,7 +216,11 @@ class PlaceSearch:
 
     def _named_unit(self, name: str) -> str | None:
         """The unit of length of a variable, by its attribute or its name; None where neither tells it."""
-        return unit_of_name(last_part(name), "length", str(self.contents.variables[name].attrs.get("units", "")))
+        return self._said_unit("length", name)
+
+    def _said_unit(self, kind: str, name: str) -> str | None:
+        """The unit of a variable, by its attribute or its name; None where neither tells it."""
+        return unit_of_name(last_part(name), kind, str(self.contents.variables[name].attrs.get("units", "")))
 
     def _length_unit(self, name: str, coordinates: list[str] | None = None) -> str:
         """The unit of places: by the variable's attribute, by its name, or by their distances in wavelengths."""
@@ -226,9 +230,12 @@ class PlaceSearch:
         sides = [self.guess.entries[side] for side in ("tx", "rx") if side in self.guess.entries]
         usual = str(sides[0].get("unit", "m")) if sides else "m"  # as the places of the other side
         frequency = self.guess.entries.get("frequency", {})
-        if "unit" not in frequency or not ({"variable", "stop"} & set(frequency)):
+        if "unit" not in frequency or not ({"variable", "start"} & set(frequency)):
             return usual
-        top = frequency.get("stop") or np.max(np.asarray(self.contents.array(frequency["variable"]), dtype=float))
+        if "start" in frequency:
+            top = frequency.get("stop") or frequency["start"] + frequency["step"] * (frequency["points"] - 1)
+        else:
+            top = np.max(np.asarray(self.contents.array(frequency["variable"]), dtype=float))
         rows = [np.asarray(self.contents.array(row), dtype=float) for row in coordinates or [name]]
         if rows[0].size == 1:  # a step
             rows = [np.array([0.0, rows[0].item()])]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from math import prod
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mirrorfold.common.units import UNITS
 from mirrorfold.io.guessing.place_search import PlaceSearch, last_part
 from mirrorfold.io.guessing.proposal import source
 from mirrorfold.io.mapping.names import (
     AZIMUTH,
+    COUNT,
     ELEVATION,
     FREQUENCY,
     IMAGINARY,
@@ -22,10 +25,10 @@ from mirrorfold.io.mapping.names import (
     REFERENCE,
     SPEED,
     START,
+    STEP,
     STOP,
     TIME,
     TRANSMIT,
-    unit_of_name,
 )
 from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
 from mirrorfold.io.readers import Variable
@@ -153,16 +156,13 @@ class Search(PlaceSearch):
         kind = "time" if is_real else "frequency"
         if kind in dims:
             dims[dims.index(kind)] = ""
-        at = int(np.argmax(shape))
+        counts = [int(row[0]) for _, row in self._rows(COUNT, [1]) if row[0] in shape and kind == "frequency"]
+        at = shape.index(counts[0]) if counts else int(np.argmax(shape))
         dims[at] = kind
-        self._found(f"axis {at} is {kind}", 2, "the longest one")
-        ends = [self._rows(pattern, [1]) for pattern in (START, STOP)]
-        if kind == "frequency" and all(ends) and 0 < ends[0][0][1][0] < ends[1][0][1][0]:
-            names, limits = [row[0][0] for row in ends], [float(row[0][1][0]) for row in ends]
-            unit = self._unit(kind, names[1], np.array(limits))
-            self.guess.entries[kind] = {"start": limits[0], "stop": limits[1], "points": shape[at], "unit": unit}
-            self._found(f"the band is {limits[0]:g} to {limits[1]:g} {unit}, {names[0]!r} and {names[1]!r}", 1, "names")
-        elif kind == "time":
+        self._found(f"axis {at} is {kind}", 1 if counts else 2, "its length" if counts else "the longest one")
+        if kind == "frequency" and self._band(shape[at]):
+            return
+        if kind == "time":
             self.guess.missing.append(
                 'give the times in a table [time]: start = 0.0, step = ..., points = ..., unit = "s"'
             )
@@ -170,6 +170,25 @@ class Search(PlaceSearch):
             self.guess.missing.append(
                 'give the band in a table [frequency]: start = ..., stop = ..., points = ..., unit = "GHz"'
             )
+
+    def _band(self, points: int) -> bool:
+        """Look for the band as single numbers, its start and its stop or its step; whether it succeeded."""
+        starts = sorted(self._rows(START, [1]), key=itemgetter(0))[:1]
+        for end, pattern in (("stop", STOP), ("step", STEP)):
+            others = [row for row in self._rows(pattern, [1]) for start in starts if row[0] != start[0]]
+            if not others:
+                continue
+            both = [starts[0], max(others, key=itemgetter(0))]
+            names, values = [name for name, _ in both], [float(row[0]) for _, row in both]
+            named = [self._said_unit("frequency", name) for name in names]
+            unit = named[0] or self._unit("frequency", names[1], np.array(values))
+            values[1] = float(f"{values[1] * UNITS[named[1] or unit] / UNITS[unit]:.12g}")
+            if values[0] > 0.0 and values[1] > (values[0] if end == "stop" else 0.0):
+                self.guess.entries["frequency"] = {"start": values[0], end: values[1], "points": points, "unit": unit}
+                said = f"to {values[1]:g}" if end == "stop" else f"+ n {values[1]:g}"
+                self._found(f"the band is {values[0]:g} {said} {unit}, {names[0]!r} and {names[1]!r}", 1, "names")
+                return True
+        return False
 
     def _cannot_know(self, shape: list[int], *axes: int) -> None:
         """Note that axes of equal length may be exchanged."""
@@ -188,9 +207,9 @@ class Search(PlaceSearch):
 
     def _unit(self, kind: str, name: str, values: NDArray) -> str:
         """The unit of frequencies or times, by the variable's attribute, by its name, or by its values."""
-        unit = unit_of_name(last_part(name), kind, str(self.contents.variables[name].attrs.get("units", "")))
-        if unit is not None:
-            return unit
+        said = self._said_unit(kind, name)
+        if said is not None:
+            return said
         if kind == "frequency":
             return "GHz" if np.abs(values).max() < GIGAHERTZ_BELOW else "Hz"
         return "s"

@@ -15,10 +15,15 @@ IMAGINARY = re.compile(r"(^|[_.])(im|imag|imaginary)($|[_.])|_im$|imag$", re.IGN
 MAGNITUDE = re.compile(r"^(s\d\d_?)?(mag(nitude)?|amp(l(itude)?)?|abs|db)(_?db)?$|_(mag|magnitude|abs|amp|db)$")
 PHASE = re.compile(r"phase|angle|^arg|_ph(_?deg)?$|_deg$")
 AZIMUTH, ELEVATION = re.compile(r"^az"), re.compile(r"^el(ev|$)|^el_")
-START, STOP = (
-    re.compile(r"^f.*(start|min|low|begin)|^f_?(0|1|lo)$"),
-    re.compile(r"^f.*(stop|end|max|high)|^f_?(2|n|hi)$"),
-)
+HERTZ = r"(?:_?[kmgt]?hz)?"
+"""Pattern of a unit of frequency that may stand at the end of a name."""
+
+START = re.compile(rf"^f.*(start|min|low|begin)|^f_?(0|1|lo){HERTZ}$")
+STOP = re.compile(rf"^f.*(stop|end|max|high)|^f_?(1|2|n|hi){HERTZ}$")
+STEP = re.compile(rf"^f.*(step|delta|spacing)|^d(elta)?_?f(req\w*)?{HERTZ}$")
+COUNT = re.compile(r"^n(um)?_?f(req\w*)?$|^f(req\w*)?_?(points|count)$")
+"""Single numbers that describe equal steps of frequency; ``f1`` is the start, or the stop where there is ``f0``."""
+
 PLACES = re.compile(r"pos|place|loc|coord|antenna|elem|sensor|phase_?cent|xyz")
 TRANSMIT, RECEIVE = re.compile(r"tx|trans|source|emit|^t_"), re.compile(r"rx|rec|^r_|detect")
 CHANNELS = re.compile(r"chan|pair")
