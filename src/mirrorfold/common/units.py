@@ -261,3 +261,18 @@ def length_text(length: float) -> str:
     """
     unit, scale = ("mm", 1e-3) if abs(length) < 0.1 else ("m", 1.0) if abs(length) < 1e4 else ("km", 1e3)
     return f"{float(f'{length / scale:.3g}'):g} {unit}"
+
+
+def frequency_text(frequency: float) -> str:
+    """A frequency [Hz] as people write it, with nine digits and the largest unit that it reaches.
+
+    Examples
+    --------
+    >>> frequency_text(2.9e11), frequency_text(300000.0), frequency_text(0.5)
+    ('290 GHz', '300 kHz', '0.5 Hz')
+    """
+    units = KINDS["frequency"]
+    unit = max(
+        (name for name in units if units[name] <= abs(frequency) and name != "THz"), key=units.__getitem__, default="Hz"
+    )
+    return f"{frequency / units[unit]:.9g} {unit}"

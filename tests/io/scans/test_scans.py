@@ -248,7 +248,11 @@ def test_scans_of_other_formats_work_alike(tmp_path, suffix):
         (lambda lines: [*lines[:2], lines[2].replace("-1", "-l"), *lines[3:]], ["line 3", "'-l'", "tx_x_mm"]),
         (
             lambda lines: [*lines[:3], lines[3].replace("r3", "r9"), *lines[4:]],
-            ["line 4", "run_t1_r9.s2p", "not among"],
+            ["line 4", "run_t1_r9.s2p", "not among", "expected a name such as run_t1_r1.s2p"],
+        ),
+        (
+            lambda lines: [line.replace(".s2p", "") for line in lines],
+            ["line 2", "'run_t1_r1', which is not", "write run_t1_r1.s2p, with its ending"],
         ),
         (lambda lines: [*lines, lines[1]], ["line 8", "run_t1_r1.s2p", "line 2"]),
         (
@@ -337,7 +341,7 @@ def test_a_parameter_that_is_no_name_is_refused(scan, tmp_path):
 def test_files_without_a_line_are_refused_where_they_were_listed_and_noted_in_a_folder(scan, tmp_path):
     (tmp_path / "p.csv").write_text("\n".join(table()))
     write(scan[0] / "thru.s2p", scan[1][:, 0, 0])
-    with pytest.warns(UserWarning, match=r"thru\.s2p"):
+    with pytest.warns(UserWarning, match=r"^no line of p\.csv names thru\.s2p, which the folder"):
         mf.import_data(scan[0], positions=tmp_path / "p.csv")
     with pytest.raises(InputError, match=r"says nothing of thru\.s2p"):
         mf.import_data(sorted(scan[0].iterdir()), positions=tmp_path / "p.csv")
@@ -346,7 +350,7 @@ def test_files_without_a_line_are_refused_where_they_were_listed_and_noted_in_a_
 def test_a_file_with_other_frequencies_is_named(scan, tmp_path):
     (tmp_path / "p.csv").write_text("\n".join(table()))
     write(scan[0] / "run_t2_r1.s2p", scan[1][:3, 0, 0])
-    with pytest.raises(InputError, match=r"run_t2_r1.s2p: has 3 frequencies .* run_t1_r1.s2p 4"):
+    with pytest.raises(InputError, match=r"run_t2_r1.s2p: has 3 frequencies from 270 GHz to 272 GHz, .*1_r1.s2p 4"):
         mf.import_data(scan[0], positions=tmp_path / "p.csv")
 
 

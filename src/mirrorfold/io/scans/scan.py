@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.arguments import in_message, path_of, wrong_kind
 from mirrorfold.common.statistics import mean_step
 from mirrorfold.common.types import Progress
+from mirrorfold.common.units import frequency_text
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.arrangements import fill_matrix, grid_beams
 from mirrorfold.io.mapping.assembly import assemble
@@ -157,7 +158,11 @@ def _chosen(table: Path, lines: Sequence[FilePosition], files: Files, *, listed:
                 raise InputError(f"{line.where}: {line.file!r} fits {fitting[0]} and {fitting[1]}; make it fit one")
             path = files[fitting[0]] if fitting else None
         if path is None:
-            raise InputError(f"{line.where}: names {line.file!r}, which is not among the {len(files)} files given")
+            ended = next((name for name in files if Path(name).stem == Path(line.file).name), None)
+            remedy = f"write {ended}, with its ending" if ended else f"expected a name such as {next(iter(files))}"
+            raise InputError(
+                f"{line.where}: names {line.file!r}, which is not among the {len(files)} files given; {remedy}"
+            )
         if path in chosen:
             raise InputError(f"{line.where}: names {path.name}, as {chosen[path].where} does; a file has one place")
         chosen[path] = line
@@ -165,9 +170,8 @@ def _chosen(table: Path, lines: Sequence[FilePosition], files: Files, *, listed:
     if left and listed:
         raise InputError(f"{table}: says nothing of {left[0].name}, one of {len(left)} such files; add their places")
     if left:
-        warnings.warn(
-            f"{len(left)} files of the folder are in no line of {table.name}, {left[0].name} first", stacklevel=3
-        )
+        names = left[0].name if len(left) == 1 else f"{left[0].name} and {len(left) - 1} more"
+        warnings.warn(f"no line of {table.name} names {names}, which the folder holds, too", stacklevel=3)
     return list(chosen)
 
 
@@ -205,9 +209,8 @@ def _spectra(
             found.frequency, frequency, rtol=0.0, atol=STEP_TOLERANCE * _step(frequency)
         ):
             raise InputError(
-                f"{path}: has {found.frequency.size} frequencies from {found.frequency[0]:.9g} to "
-                f"{found.frequency[-1]:.9g} Hz, and {files[0].name} {frequency.size} from {frequency[0]:.9g} to "
-                f"{frequency[-1]:.9g} Hz; measure all with the same"
+                f"{path}: has {_band(found.frequency)}, and {files[0].name} {_band(frequency)}; measure all with the "
+                "same"
             )
         if name not in found.parameters:
             raise InputError(f"{path}: holds {listed(found.parameters)} and not {name}; measure it again")
@@ -220,6 +223,12 @@ def _spectra(
         unit = usual_phase_unit(files[0].parent, phase.ravel())
         s = np.abs(s) * np.exp(1j * (phase if unit == "radian" else np.radians(phase))).astype(np.complex64)
     return frequency, np.ascontiguousarray(s.T)
+
+
+def _band(frequency: NDArray[np.float64]) -> str:
+    """Number and ends of a row of frequencies [Hz], in words."""
+    ends = f"{frequency_text(frequency[0])} to {frequency_text(frequency[-1])}"
+    return f"{frequency.size} frequencies from {ends}"
 
 
 def _step(frequency: NDArray[np.float64]) -> float:
