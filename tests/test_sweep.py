@@ -236,7 +236,7 @@ def test_the_other_time_convention_is_conjugated_for_a_moving_antenna_too():
     xr.testing.assert_identical(check_sweep(other), sweep)
 
 
-@pytest.mark.filterwarnings("ignore:y reach beyond the ambiguous range")
+@pytest.mark.filterwarnings("ignore:y reaches beyond the ambiguous range")
 def test_the_wave_speed_of_a_sweep_is_that_of_its_image():
     sweep = moving(wave_speed=2e8)
     x, y = np.arange(0.0, 0.2, 0.01), np.arange(0.9, 1.1, 0.01)

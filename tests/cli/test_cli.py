@@ -357,7 +357,7 @@ def test_dask_is_hidden_from_xarray_only_while_a_verb_runs(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:y reach beyond the ambiguous range")
+@pytest.mark.filterwarnings("ignore:y reaches beyond the ambiguous range")
 def test_the_focus_verb_takes_the_settings_of_focusing(tmp_path, sweep):
     path, image = tmp_path / "sweep.nc", tmp_path / "image.nc"
     mf.save(sweep, path)

@@ -72,7 +72,7 @@ def test_a_recording_has_frames_in_its_pictures_and_tables(folded):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:y reach beyond the ambiguous range")
+@pytest.mark.filterwarnings("ignore:y reaches beyond the ambiguous range")
 def test_a_sweep_with_frames_is_focused_and_folded_frame_by_frame(sweep, tmp_path):
     s = sweep["s"].values
     recording = sweep.assign(s=(("frame", *sweep["s"].dims), np.stack([s, 2.0 * s])))

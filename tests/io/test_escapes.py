@@ -13,6 +13,8 @@ import pytest
 
 import mirrorfold as mf
 from mirrorfold.cli import main
+from mirrorfold.common.reading import quoting_nothing_outside
+from mirrorfold.io.scans.positions import read_positions
 
 SCENE = Path(__file__).parents[1].joinpath("one_wall.toml").read_text(encoding="utf-8")
 WALL = 'kind = "segment"\nstart = [-0.2, 0.3]\nend = [0.2, 0.34]'
@@ -358,6 +360,15 @@ def test_what_lies_outside_is_named_but_not_shown(inner, capsys, named_by, lines
         verb = ("import", inner / "d.npz", "--mapping", file, "-o", "o.nc")
     said = refused(capsys, *verb, word=OUTSIDE)
     assert not any(word in said for word in ("nobody", "12345", "word"))
+
+
+def test_remarks_do_not_quote_what_lies_outside_either(inner):
+    """The table can be used, but for a column that is not understood."""
+    (inner.parent / "secret.csv").write_text("file,x,nobody\na.s1p,0,1\n")
+    (inner / "scan.toml").write_text('table = "../secret.csv"\n')
+    with quoting_nothing_outside(), pytest.warns(UserWarning, match="some columns are not understood") as said:
+        read_positions(inner / "scan.toml")
+    assert "nobody" not in str(said[0].message)
 
 
 def test_what_lies_beside_is_said(folder, capsys):

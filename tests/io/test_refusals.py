@@ -150,7 +150,7 @@ def test_a_full_disk_is_told_where_not_even_an_empty_file_can_be_made(tmp_path, 
 
 
 def test_a_disk_without_room_is_noticed_before_the_work(tmp_path):
-    with pytest.raises(OSError, match="GB are free"):
+    with pytest.raises(OSError, match="MB are free"):
         output.check_room(tmp_path / "a.nc", 10**18)
 
 

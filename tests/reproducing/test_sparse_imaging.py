@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 import mirrorfold as mf
 from mirrorfold.reproducing.parts.sparse_imaging import Channels, Modes, random_channels, sparse_reflectivity
 
-pytestmark = pytest.mark.filterwarnings("ignore:y reach beyond the ambiguous range")
+pytestmark = pytest.mark.filterwarnings("ignore:y reaches beyond the ambiguous range")
 
 SHAPE = (24, 20, 20)
 X, Y = np.arange(-0.5, 0.5, 0.03), np.arange(0.5, 1.3, 0.04)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scans import ball, panel, scene
 from scipy.constants import speed_of_light
+from through_slabs import delay, shift
 
 import mirrorfold as mf
-from mirrorfold.common.slabs import delay, shift, slab
+from mirrorfold.common.slabs import slab
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import parse_scene

@@ -177,6 +177,11 @@ def quoting_nothing_outside() -> Iterator[None]:
         _outside.reset(token)
 
 
+def names_outside() -> bool:
+    """Whether a file outside of the folder was named, of which nothing must be quoted, in warnings neither."""
+    return bool(_outside.get())
+
+
 def named_file(owner: Path, name: str, entry: str) -> Path:
     """The path of a file that another file names relative to its own folder; in a block `quoting_nothing_outside`.
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common import memory
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.reading import check_file
+from mirrorfold.common.reading import check_file, names_outside
 from mirrorfold.errors import InputError
 
 HARMLESS_BYTES = 64 << 20
@@ -161,7 +161,8 @@ def listed(names: Iterable[str]) -> str:
 
 def left_out(path: Path, headings: Iterable[str]) -> str:
     """What a warning says of the columns of a table that are not understood, and so left out."""
-    return f"{path}: the columns {listed(map(repr, headings))} are not understood and left out"
+    which = "some columns" if names_outside() else f"the columns {listed(map(repr, headings))}"
+    return f"{path}: {which} are not understood and left out"
 
 
 def unit_attribute(names: Iterable[str]) -> str | None:
