@@ -63,7 +63,16 @@ def test_the_radar_itself_sees_nothing_behind_a_wall_that_is_known_by_a_mirror_a
     assert told(np.array([BEFORE, OVER_IT]), (), ways) == [False, True]
 
 
-def test_of_curved_mirrors_nothing_is_said():
+def test_what_a_pillar_shows_ends_at_the_wall_by_more_than_the_cell_that_it_widens():
+    """The cell is five times as wide: close behind the wall an object may stand before it, or be seen over its end."""
+    pillar = ArcMirror(middle=np.array([0.7, 1.3]), radius=0.35, first=-3.4, span=2.0, radar=np.zeros(2))
+    ways = {(): (), (0,): (pillar,), (1,): (LineMirror(*WALL),)}
+    sight = np.array([[np.sin(angle), np.cos(angle)] for angle in (0.358, 0.358, 0.358, 0.331)])
+    seen = (pillar.met(sight) + np.array([0.5, 1.0, 1.35, 1.35]))[:, None] * sight
+    assert told(seen, ways=ways) == [False, False, True, False]
+
+
+def test_curved_walls_end_no_way():
     bent = ArcMirror(middle=np.array([-0.65, 1.05]), radius=0.3, first=-0.6, span=1.2, radar=np.zeros(2))
     ways = {(): (), (0,): (LineMirror(*MIRROR),), (1,): (bent,)}
     assert told(seen_in(BEHIND_IT[None]), ways=ways) == [False]

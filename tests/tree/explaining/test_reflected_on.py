@@ -8,6 +8,8 @@ import numpy as np
 from synthetic import echoes_at, empty_view
 
 from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.detection import fold_of
+from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.tree.explaining.reflected_on import reflected_on
 from mirrorfold.tree.mirror_tree import MirrorTree
@@ -89,3 +91,18 @@ def test_an_echo_in_doubt_explains_no_other():
     post = before + 0.01 * across, before - 0.3 * across
     assert told(place, [], (SCREEN, post), shown=[other]) is False
     assert told(place, [], shown=[other]) is True
+
+
+def test_a_pillar_shows_what_a_flat_object_reflects_to_the_cell_that_it_widens():
+    """Its cell is five times as wide, 0.2 m."""
+    pillar = ArcMirror(middle=np.array([0.7, 1.3]), radius=0.35, first=-3.4, span=2.0, radar=np.zeros(2))
+    screen = np.array([-0.29, 0.9]), np.array([-0.9, 0.9])
+    sight = np.array([[np.sin(0.384), np.cos(0.384)]])
+    seen = (pillar.met(sight) + 1.35)[:, None] * sight
+    true = reflect(fold_of((pillar,), 2)(seen), screen[0], segment_normal(*screen))[0]
+    face = echoes_at(VIEW, np.empty((0, 2)))
+    child = MirrorTree((pillar,), face, echoes_at(VIEW, seen), (), (0,))
+    for off, reflected in ((0.0, True), (0.1, True), (0.4, False)):
+        tree = MirrorTree((), face, echoes_at(VIEW, true[None] + np.array([0.0, off])), (child,), ())
+        walls = {(0,): (pillar,), (-1,): (LineMirror(*screen),)}
+        assert reflected_on(SimpleNamespace(tree=tree), VIEW, walls)[0,].tolist() == [reflected]
