@@ -364,3 +364,9 @@ def test_the_method_of_the_documentation_works(tmp_path, monkeypatch):
 
 def test_the_public_face():
     assert mf.benchmark is benchmarking.benchmark
+
+
+def test_a_scene_that_is_named_twice_is_one_scene():
+    found = run("nothing", seeds=[1, 1, 0, 1])
+    assert found.seeds == [0, 1]
+    assert small_benchmark.calls == ["nothing", "nothing"]

@@ -200,3 +200,13 @@ def test_each_step_does_with_every_frame_of_a_recording_what_it_does_with_one():
             alone = step(recording.isel(frame=frame))
             np.testing.assert_allclose(together["s"][frame], alone["s"], atol=1e-6 * np.abs(alone["s"].values).max())
             np.testing.assert_array_equal(together["rx_position"], alone["rx_position"])
+
+
+@pytest.mark.parametrize("scale", [1e-20, 1e-10, 1e11])
+def test_the_unit_of_the_samples_does_not_matter(scale):
+    """An instrument may state powers, or amplitudes far from one: the delay is found, and the quotient is the same."""
+    sweep, reference = sweep_of([(0.1, 0.8)]), sweep_of([(0.0, 1.0)])
+    wanted = mf.calibrate.normalise_by_reference(sweep, reference, at=(0.0, 1.0), gate=0.1)
+    scaled = (one.assign(s=(scale * one["s"].astype(complex)).astype(np.complex64)) for one in (sweep, reference))
+    found = mf.calibrate.normalise_by_reference(*scaled, at=(0.0, 1.0), gate=0.1)
+    np.testing.assert_allclose(found["s"], wanted["s"], atol=1e-4 * float(np.abs(wanted["s"]).max()))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 from instruments import line
@@ -9,6 +11,7 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.diagnosis import sample_findings
+from mirrorfold.diagnosis.findings import Finding
 
 
 def s(seed, *, count=64, points=10, elements=10):
@@ -53,3 +56,8 @@ def test_phases_in_radians_taken_for_degrees_are_named(seed):
     right = s(seed)
     assert named(np.abs(right) * np.exp(1j * np.radians(np.angle(right)))) == ["phase-unit"]
     assert "phase-unit" not in named(np.exp(0.02j * np.random.default_rng(seed).standard_normal(right.shape)))
+
+
+def test_commands_can_be_pasted_whatever_the_path():
+    command = Finding("conjugated", "The samples are conjugated.", 0.9, "--conjugate").command("my scan/sweep 1.nc")
+    assert shlex.split(command)[2:5] == ["my scan/sweep 1.nc", "-o", "my scan/sweep 1-repaired.nc"]

@@ -9,7 +9,7 @@ import pytest
 
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import parse_scene
-from mirrorfold.scenes.materials import VolumeProfile, coherent_factor, material, scattering_depth
+from mirrorfold.scenes.materials import VolumeProfile, coherent_factor, material, permittivity, scattering_depth
 from mirrorfold.simulation.raster.meshes import solids
 from mirrorfold.simulation.raster.speckle import draw_scatterers as draw_scatterers_in_space
 from mirrorfold.simulation.rays.outline import outline_of
@@ -104,3 +104,9 @@ def test_fine_roughness_weakens_a_mirror_less_than_coarse_roughness() -> None:
     assert np.log(fine[0]) / np.log(ament[0]) == pytest.approx(0.5, abs=0.03)
     # Heights without any correlation scatter into evanescent waves alone.
     np.testing.assert_allclose(coherent_factor(0.05e-3, 300e9, angle, correlation_length=1e-9), 1.0, atol=1e-4)
+
+
+def test_outside_of_its_fit_a_material_names_the_frequency_that_is():
+    for band, wrong in ((np.array([0.5e9, 2e9]), "at 0.5 GHz"), (np.array([400e9, 500e9]), "at 500 GHz")):
+        with pytest.raises(InputError, match=f"{wrong}, its fit holds from 1 to 450 GHz"):
+            permittivity("glass", band)

@@ -165,3 +165,17 @@ def test_the_warning_of_late_echoes_belongs_to_the_line_that_asked():
     with pytest.warns(UserWarning, match="strong echoes") as caught:
         mf.simulate(far, solver="fullwave")
     assert [one.filename for one in caught] == [__file__]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"solver": "fullwav"}, "solver is 'fullwav'"),
+        ({"workers": 0}, "workers is 0"),
+        ({"seed": 1.5}, "seed is 1.5"),
+    ],
+)
+def test_estimates_refuse_what_simulations_refuse(scene_file, given, said):
+    for function in (estimate, mf.simulate):
+        with pytest.raises(InputError, match=said):
+            function(mf.load_scene(scene_file), **given)

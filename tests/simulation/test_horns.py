@@ -123,3 +123,7 @@ def test_antennas_that_cannot_be_missing_are_refused(missing, expected):
     with pytest.raises(mf.InputError) as caught:
         parse_scene({"name": "thinned", "array": array, "band": band})
     assert expected in str(caught.value)
+
+
+def test_the_pitch_of_a_single_horn_may_be_anything():
+    np.testing.assert_allclose(pattern(3e-3, 1e-6, np.zeros(1)), 1.0, rtol=1e-5)

@@ -135,7 +135,7 @@ def as_reconstruction(result: Any, image: xr.DataArray) -> xr.DataTree:
         bounces = np.clip(counts, 0, np.iinfo(np.int32).max).astype(np.int32)
         if not (bounces == counts).all():
             raise InputError("the method returned bounces that are no whole numbers of at least 0")
-    if "mirrors" in result and len(axes_names) == 3:
+    if result.get("mirrors") is not None and len(axes_names) == 3:
         raise InputError("the method returned mirrors in space, which are judged in a reconstruction alone")
     ends = _numbers(result, "mirrors", (-1, 2, 2)) if result.get("mirrors") is not None else np.empty((0, 2, 2))
     objects: dict[str, Any] = {f"{axis}_initial": ("point", initial[:, i]) for i, axis in enumerate(axes_names)}

@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import product
 from multiprocessing import active_children, get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -148,17 +148,26 @@ def _tasks(
             raise InputError(
                 f"seeds holds {in_message(number)}, expected whole numbers of at least 0, such as range(10)"
             )
-    first_of_name: dict[str, Family] = {}
-    for family in chosen:
-        first_of_name.setdefault(family.name, family)
+    seen_by = None if seen_by is None else _first_of_each_name(seen_by)
     tasks = [
         Task(family, radar, seed, names)
-        for family in first_of_name.values()
-        for radar, seed in product(_radars(family, seen_by), numbers)
+        for family in _first_of_each_name(chosen)
+        for radar, seed in product(_radars(family, seen_by), dict.fromkeys(numbers))
     ]
     if not tasks or not names:
         raise InputError("benchmark: has no family, radar, method or seed; give at least one of each")
     return tasks
+
+
+Named = TypeVar("Named", Family, Radar)
+
+
+def _first_of_each_name(given: Iterable[Named]) -> list[Named]:
+    """The families or radars without those whose name an earlier one has."""
+    found: dict[str, Named] = {}
+    for one in given:
+        found.setdefault(one.name, one)
+    return list(found.values())
 
 
 def _radars(family: Family, chosen: list[Radar] | None) -> list[Radar]:

@@ -1,7 +1,8 @@
 """Calibration: from the sweep as it was measured to the sweep as an ideal instrument would have measured it.
 
-Each function takes a sweep and returns a new one, with one more line in its attribute `processing`. The raw sweep is
-not changed, so a step can be left out by starting again from it.
+Each step takes a sweep and returns a new one, with one more line in its attribute `processing`. The raw sweep is not
+changed, so a step can be left out by starting again from it. `estimate_elements`, `estimate_displacement` and
+`find_bad` measure what a step needs.
 """
 
 from mirrorfold.calibration.autofocus import autofocus

@@ -99,8 +99,8 @@ def fit_reflectors(
     largest_common = None if largest_common is None else number("largest_common", largest_common, "m", above=0.0)
     sweeps = [checked_pairs(one, "sweep") for one in given]
     found: list[tuple[xr.Dataset, Array, Fit]] = []
-    for one, where in zip(sweeps, places, strict=True):
-        check_same_axes(sweeps[0], one, "the next sweep", antennas=False)
+    for n, (one, where) in enumerate(zip(sweeps, places, strict=True), 1):
+        check_same_axes(sweeps[0], one, f"sweep {n}", antennas=False)
         centre = place(where, "at")
         check_reach(centre, one)
         period = 2.0 * ambiguous_range(one)
@@ -198,7 +198,7 @@ def _coupling(by_reflector: Array, direct: Array, earlier: Array) -> Array:
 
     Parameters
     ----------
-    by_reflector, straight : (delays,) arrays
+    by_reflector, direct : (delays,) arrays
         Log of the power over noise, with the paths over the reflector and the direct paths removed.
     earlier : (tx, rx) array
         Direct path minus path over the reflector in resolution cells, below zero.
@@ -223,7 +223,8 @@ def _power(s: NDArray[np.complexfloating], k: Array, length: Array) -> Array:
     vector = np.ones((len(matrix), matrix.shape[2], 1), dtype=np.complex64)
     power = np.zeros(len(matrix))
     for _ in range(POWER_ITERATIONS):
-        vector /= np.linalg.norm(vector, axis=1, keepdims=True) + np.finfo(np.float32).tiny
+        # In double precision: the vector holds powers of samples, whose squares single precision does not hold.
+        vector /= np.linalg.norm(vector.astype(complex), axis=1, keepdims=True) + np.finfo(np.float32).tiny
         other = matrix @ vector
         power = np.sum(np.abs(other[..., 0]) ** 2, axis=1).astype(float)
         vector = np.conj(np.swapaxes(np.conj(np.swapaxes(other, 1, 2)) @ matrix, 1, 2))

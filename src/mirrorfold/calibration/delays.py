@@ -131,7 +131,7 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
         left = _summed(aligned, k, tx_delay, rx_delay, axis=0)
         if iteration >= SEARCHES:
             weight = _coherence_weights(left, tx_gain[:, None] * rx_gain)
-    _check_detected(aligned, k, tx_delay, rx_delay, tx_gain, rx_gain)
+    _check_detected(left, float(np.vdot(aligned, aligned).real), tx_gain, rx_gain)
     tx_valid, rx_valid = _sees_reflector(np.abs(left), axis=1), _sees_reflector(np.abs(left), axis=0)
     tx_delay, tx_gain = _refine_by_carrier(tx_delay, tx_gain, tx_valid, centre)
     rx_delay, rx_gain = _refine_by_carrier(rx_delay, rx_gain, rx_valid, centre)
@@ -263,18 +263,15 @@ def _sees_reflector(strength: Array, axis: int) -> NDArray[np.bool_]:
     return np.asarray(own > LEAST_RELATIVE_STRENGTH * np.median(own))
 
 
-def _check_detected(
-    aligned: Complex, k: Array, tx_delay: Array, rx_delay: Array, tx_gain: Complex, rx_gain: Complex
-) -> None:
-    """Refuse a sweep in which the echoes of all pairs do not add up in phase.
+def _check_detected(left: Complex, power: float, tx_gain: Complex, rx_gain: Complex) -> None:
+    """Refuse a sweep whose echoes, summed over frequency to `left` (tx, rx), do not add up in phase.
 
-    Their gain of power is compared with `DETECTION` and `NOISE_PER_ELEMENT`; random phases have a gain of one.
+    Their gain of power, over the `power` of all samples, is compared with `DETECTION` and `NOISE_PER_ELEMENT`; random
+    phases have a gain of one.
     """
-    turned = _summed(aligned, k, tx_delay, rx_delay, axis=0)
-    turned *= np.exp(-1j * (np.angle(tx_gain)[:, None] + np.angle(rx_gain)))
-    power = float(np.vdot(aligned, aligned).real)
-    gain = float(np.abs(turned.sum()) ** 2) / power if power > 0 else 0.0
-    if gain < DETECTION + NOISE_PER_ELEMENT * (tx_delay.size + rx_delay.size):
+    in_phase = left * np.exp(-1j * (np.angle(tx_gain)[:, None] + np.angle(rx_gain)))
+    gain = float(np.abs(in_phase.sum()) ** 2) / power if power > 0 else 0.0
+    if gain < DETECTION + NOISE_PER_ELEMENT * sum(left.shape):
         raise InputError(
             "the reflector is not heard: the echoes of the elements do not add up at its place; "
             "check the place, subtract the background, or give no cable length, which the reflector tells"

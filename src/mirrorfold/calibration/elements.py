@@ -123,8 +123,8 @@ def estimate_elements(
         If the sweeps are not of the same array, or the reflector's echo does not show.
     """
     found = fit_reflectors(sweep, at, radius, largest_error=largest_error, largest_common=largest_common)
-    for other, *_ in found[1:]:
-        check_same_axes(found[0][0], other, "the second sweep")
+    for number, (other, *_) in enumerate(found[1:], 2):
+        check_same_axes(found[0][0], other, f"sweep {number}")
     tx, rx = positions(found[0][0])
     fits, centres = [fit for *_, fit in found], [centre for _, centre, _ in found]
     tx_valid = np.all([fit.tx_valid for fit in fits], axis=0)

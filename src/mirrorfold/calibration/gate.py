@@ -41,7 +41,7 @@ def time_gate(sweep: xr.Dataset, start: float | None = None, stop: float | None 
     Raises
     ------
     InputError
-        If the gate is empty or the sweep has a single frequency.
+        If the gate is empty or reaches beyond the ambiguous range, or the sweep has a single frequency.
     """
     sweep = check_sweep(sweep)
     frequency = sweep["frequency"].values.astype(float)

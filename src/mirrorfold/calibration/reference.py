@@ -15,6 +15,7 @@ from mirrorfold.calibration.record import (
     check_same_axes,
     check_same_steps,
     checked_pairs,
+    scaled_to_single_precision,
     with_samples,
 )
 from mirrorfold.calibration.reflectors import check_reach, plate_paths, positions, sphere_paths
@@ -79,7 +80,8 @@ def normalise_by_reference(
     if gate is not None:
         gate = number("gate", gate, "m", above=0.0)
         direct_length = np.linalg.norm(tx[:, None] - rx, axis=-1)
-        late = 0.5 * find_common_delay(samples, wavenumber(reference), length, direct_length)[0]
+        scaled = scaled_to_single_precision(samples)
+        late = 0.5 * find_common_delay(scaled, wavenumber(reference), length, direct_length)[0]
 
     def response(some: slice) -> NDArray[np.complexfloating]:
         """Response (frequencies, tx, rx) of the pairs of some transmitters: the reference with the paths removed."""

@@ -155,3 +155,10 @@ class Buffers:
             array = np.empty(self._shape, self._dtype)
         yield array
         self._free.append(array)
+
+
+def part_of(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """The progress callback for part `number` (from 0) of several equal parts of the work."""
+    if progress is None or parts == 1:
+        return progress
+    return lambda done, total: progress(number * total + done, parts * total)

@@ -150,7 +150,7 @@ def plan(*, instrument: Instrument | None = None, **given: Any) -> Plan:
         link_budget=budget,
         bounces_above_noise=by_noise if by_noise >= 0 else None,
         bounces_unambiguous=by_ambiguity if by_ambiguity >= 0 else None,
-        bounces=max(min(by_noise, by_ambiguity), 0) if min(by_noise, by_ambiguity) >= 0 else None,
+        bounces=min(by_noise, by_ambiguity) if min(by_noise, by_ambiguity) >= 0 else None,
         samples=samples,
         data_megabytes=samples * BYTES_PER_SAMPLE / 1e6,
         measuring_s=measuring,
@@ -265,7 +265,7 @@ def _line(aperture: float, pitch: float) -> Array:
 
 def _points_for(range_: float, band: tuple[float, float]) -> int:
     """Number M of frequencies for an ambiguous range R [m], ``M > 1 + 2 B R / c``, with the bandwidth B."""
-    return int(np.ceil(1.0 + 2.0 * (band[1] - band[0]) * range_ / speed_of_light)) + 1
+    return int(np.floor(2.0 * (band[1] - band[0]) * range_ / speed_of_light)) + 2
 
 
 __all__ = ["Instrument", "Plan", "plan"]

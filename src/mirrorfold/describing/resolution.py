@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.plausible import pitch
 from mirrorfold.common.records import Number, Record, fact
+from mirrorfold.common.types import Array
 from mirrorfold.common.units import length_text
-
-Array = NDArray[np.float64]
 
 RANGES = (1.0, 2.0, 4.0)
 """Ranges for which the cross-range resolution is stated [m] if nothing tells where the scene is: as on a desk, in a

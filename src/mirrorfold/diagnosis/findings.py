@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 
 CERTAIN = 1.0
@@ -41,7 +42,7 @@ class Finding:
             return self.remedy
         stem, dot, ending = path.rpartition(".")
         target = f"{stem}-repaired.{ending}" if dot and "/" not in ending else f"{path}-repaired.nc"
-        return f"mirrorfold calibrate {path} -o {target} {self.remedy}"
+        return f"mirrorfold calibrate {shlex.quote(path)} -o {shlex.quote(target)} {self.remedy}"
 
     def sentence(self) -> str:
         """What was found and, unless it is certain, how sure that is."""

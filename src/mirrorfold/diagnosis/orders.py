@@ -1,7 +1,7 @@
 """Sweeps of two arrays whose samples are in another order than the positions of the antennas.
 
 A stage that ran the other way, one that turned around at the end of each row, or a list of pairs that was folded into
-an array by columns in place of rows: echoes then add up in phase in no direction, but they do once the samples are put
+an array by rows in place of columns: echoes then add up in phase in no direction, but they do once the samples are put
 into the order in which they were measured. The direct waves between the antennas would mislead: their length depends
 on the distance ``|x_i - x_k|``, as that of an echo from the side does if one stage is reversed. So nothing is claimed
 where direct waves hold much of the power.

@@ -17,6 +17,9 @@ MASK = "--mask"
 AGAIN = "no channel is good, so none can be masked; measure again, saturated channels with less power or gain"
 """Advice where `MASK` would leave nothing."""
 
+SURE_BY_LEVEL = 0.95
+"""Certainty that channels are saturated or hold noise, and that frequencies are bad: scenes hardly ever cause it."""
+
 SURE_OF_UNIT = 0.95
 """Certainty that frequencies are in another unit; the other explanation is that the wave speed was not stated."""
 
@@ -140,17 +143,17 @@ def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
         found.append(Finding("dead-channels", what, CERTAIN, remedy, by_command))
     if bad.saturated.any():
         what = f"{int(bad.saturated.sum())} of {channels} channels are saturated: many samples have one largest value."
-        found.append(Finding("saturated-channels", what, 0.95, remedy, by_command))
+        found.append(Finding("saturated-channels", what, SURE_BY_LEVEL, remedy, by_command))
     if bad.noise.any():
         what = f"{int(bad.noise.sum())} of {channels} channels hold noise and no echo, unlike the others."
-        found.append(Finding("noise-channels", what, 0.95, remedy, by_command))
+        found.append(Finding("noise-channels", what, SURE_BY_LEVEL, remedy, by_command))
     spurs = bad.frequencies
     if spurs.any():
         frequency = sweep["frequency"].values
         places = ", ".join(f"{frequency[n] / 1e9:.6g}" for n in np.flatnonzero(spurs)[:3])
         more = ", ..." if spurs.sum() > 3 else ""
         what = f"{int(spurs.sum())} of {spurs.size} frequencies stand out of their neighbours ({places}{more} GHz)."
-        found.append(Finding("bad-frequencies", what, 0.95, MASK))
+        found.append(Finding("bad-frequencies", what, SURE_BY_LEVEL, remedy, by_command))
     return found
 
 

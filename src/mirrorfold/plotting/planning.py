@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -39,7 +38,8 @@ def plan(found: Plan, *, roughness: tuple[float, float | None], detection_db: fl
     -------
     matplotlib.figure.Figure
     """
-    figure, panels = plt.subplots(2, 2, figsize=(12.0, 8.5), layout="constrained")
+    figure = Figure(figsize=(12.0, 8.5), layout="constrained")
+    panels = figure.subplots(2, 2)
     name = next(iter(found.walls))
     centre = 0.5 * sum(found.band_hz)
     _over_angle(panels[0, 0], name, centre, roughness)

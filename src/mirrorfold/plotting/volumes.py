@@ -120,14 +120,17 @@ def body(
     Raises
     ------
     InputError
-        If the reconstruction has two dimensions, or nothing was seen by way of a mirror.
+        If the reconstruction has two dimensions, or fewer than `FEWEST` points of objects were seen by way of mirrors.
     """
     columns = _points(reconstruction)
     scene = None if scene is None else scene_in_space(scene)
     floor_db = checked_floor(floor_db)
     hidden = (columns["bounces"] > 0) & (columns["surface"] == "object")
     if hidden.sum() < FEWEST:
-        raise InputError("reconstruction: no object was seen by way of a mirror, so there is no body to draw")
+        raise InputError(
+            f"reconstruction: {int(hidden.sum())} points of objects were seen by way of mirrors, expected at least "
+            f"{FEWEST} to draw a body"
+        )
     points = np.stack([columns[axis][hidden] for axis in "xyz"], axis=-1)
     amplitude = columns["amplitude"][hidden].astype(float)
     mine = _largest_object(points)

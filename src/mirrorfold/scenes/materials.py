@@ -126,7 +126,7 @@ FITTED = 1e9, 450e9
 """Lowest and highest frequency [Hz] for which the recommendation states the fit of any of its materials."""
 
 ADVICE = (
-    f"its fit holds from {FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g}; state it, "
+    f"its fit holds from {FITTED[0] / 1e9:g} to {FITTED[1] / 1e9:g} GHz; state it, "
     "{permittivity = ..., conductivity = ...}"
 )
 """Part of messages about frequencies outside this range."""
@@ -144,7 +144,7 @@ def permittivity(name: str | Substance, frequency: ArrayLike) -> NDArray[np.comp
     if not isinstance(made_of, Dielectric):
         raise InputError(f"material {name!r} has no permittivity, as no wave enters it; choose a dielectric")
     if not is_fitted(name, frequency):
-        raise InputError(f"material {name!r} has no permittivity at {np.max(frequency) / 1e9:g} GHz, {ADVICE}")
+        raise InputError(f"material {name!r} has no permittivity at {_unfitted(frequency):g} GHz, {ADVICE}")
     return made_of.permittivity(frequency)
 
 
@@ -158,10 +158,15 @@ def is_fitted(name: str | Substance, frequency: ArrayLike) -> bool:
     return bool(np.max(frequency) <= FITTED[1] and np.min(frequency) >= FITTED[0])
 
 
+def _unfitted(frequency: ArrayLike) -> float:
+    """The frequency [GHz] that is outside of `FITTED`: the highest one, or else the lowest."""
+    return 1e-9 * float(np.max(frequency) if np.max(frequency) > FITTED[1] else np.min(frequency))
+
+
 def warn_if_extrapolated(name: str | Substance, frequency: ArrayLike) -> None:
     """Warn of an opaque material whose fit does not reach these frequencies [Hz]."""
     if not is_fitted(name, frequency):
-        warnings.warn(f"material {name!r} is extrapolated to {np.max(frequency) / 1e9:g} GHz, {ADVICE}", stacklevel=2)
+        warnings.warn(f"material {name!r} is extrapolated to {_unfitted(frequency):g} GHz, {ADVICE}", stacklevel=2)
 
 
 def material(name: str | Substance) -> Material:

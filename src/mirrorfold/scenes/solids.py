@@ -336,7 +336,10 @@ class Scene3D:
                 ends = np.array([frame.shift[:2] - half, frame.shift[:2] + half])
                 strokes.append(Stroke(ends, TRUTH_COLOUR, label=surface.name))
             else:
-                strokes.append(Stroke(frame.shift[None, :2], TRUTH_COLOUR, 9.0, dots=True, label=surface.name))
+                # The frame of a cylinder is that of the scene.
+                axis = [surface.start, surface.end] if isinstance(surface, Cylinder) else [frame.shift]
+                middle = np.mean(axis, axis=0)[None, :2]
+                strokes.append(Stroke(middle, TRUTH_COLOUR, 9.0, dots=True, label=surface.name))
         azimuth, elevation = self.scanner.angles
         facts = [
             ("surfaces", ", ".join(surface.name for surface in self.surface) or "none"),

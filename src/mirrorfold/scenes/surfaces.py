@@ -272,7 +272,7 @@ class Curve(_Surface):
     def pieces(self, spacing: float) -> list[Array]:
         """Chords of the curve."""
         spline, length = self.spline()
-        count = max(len(self.points), int(np.ceil(length / spacing)))
+        count = max(len(self.points), _steps(length, spacing))
         return [np.asarray(spline(np.linspace(0.0, length, count + 1)))]
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mirrorfold.common.arguments import boolean, number, one_of, path_of, whole_number
 from mirrorfold.common.noise import complex_noise
 from mirrorfold.common.slabs import POLARIZATIONS, Polarization
+from mirrorfold.common.threads import part_of
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.floor_plan import Scene, as_scene
 from mirrorfold.scenes.visibility import MOST_BOUNCES
@@ -212,7 +213,7 @@ def _by_rays(
             bounces=bounces,
             seed=seed,
             memory_limit=memory_limit,
-            progress=_part(progress, part, len(waves)),
+            progress=part_of(progress, part, len(waves)),
         )
         for part, one in enumerate(waves)
     ]
@@ -234,7 +235,7 @@ def _by_fullwave(
             seed=seed,
             checkpoint=_folder(checkpoint, one, waves),
             resume=resume,
-            progress=_part(progress, part, len(waves)),
+            progress=part_of(progress, part, len(waves)),
             **given,
         )
         fields.append(field)
@@ -256,13 +257,6 @@ def _stacked(fields: list[NDArray[np.complex64]]) -> NDArray[np.complex64]:
 def _polarizations(scene: Scene) -> tuple[Polarization, ...]:
     """The polarizations to simulate, one after the other: two for a scene with polarization "both"."""
     return POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
-
-
-def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
-    """The progress callback for part `number` (from 0) of several equal parts of the work."""
-    if progress is None or parts == 1:
-        return progress
-    return lambda done, total: progress(number * total + done, parts * total)
 
 
 def _folder(checkpoint: Path | None, one: Polarization, of: tuple[Polarization, ...]) -> Path | None:
@@ -306,6 +300,10 @@ def estimate(
         If the scene cannot be simulated, or does not fit into the memory limit.
     """
     scene, bounces = as_scene(scene), whole_number("bounces", bounces, highest=MOST_BOUNCES)
+    one_of("solver", solver, SOLVERS)
+    seed, workers = whole_number("seed", seed), whole_number("workers", workers, lowest=1)
+    tolerance = number("tolerance", tolerance)
+    memory_limit = None if memory_limit is None else number("memory_limit", memory_limit, "B", above=0.0)
     check_extent(scene)
     for doubt in angle_doubts(scene):
         warnings.warn(doubt, stacklevel=2)

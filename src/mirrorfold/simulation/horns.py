@@ -59,7 +59,7 @@ def _lattice(array: LinearArray, wavelength: float) -> tuple[LinearArray, NDArra
     """
     if array.horn is None:
         return replace(array, rx=None), np.eye(len(array.present), dtype=np.float32)
-    finer = int(np.ceil(array.pitch / (0.5 * wavelength) - HALF_WAVE_TOLERANCE))
+    finer = max(1, int(np.ceil(array.pitch / (0.5 * wavelength) - HALF_WAVE_TOLERANCE)))
     spacing = array.pitch / finer
     aside = int(np.ceil(0.5 * array.horn / spacing)) - 1
     sources = (array.elements - 1) * finer + 1 + 2 * aside

@@ -202,12 +202,12 @@ def test_motion_compensation_is_undone_whatever_the_reference(tmp_path, seed):
     r0 = np.linalg.norm(antenna, axis=1) + rng.uniform(-2, 2, 24)
     d = np.linalg.norm(antenna - target, axis=1)
     s = np.exp(-4j * np.pi * f[:, None] / speed_of_light * (d - r0))
-    np.savez(tmp_path / "sar.npz", s=s, f=f, x=antenna[:, 0], y=antenna[:, 1], z=antenna[:, 2], r0=r0)
+    np.savez(tmp_path / "sar.npz", s=s, f=f, x=antenna[:, 0], y=antenna[:, 1], z=antenna[:, 2], r0_cm=100.0 * r0)
     mapping = {
         "s": {"variable": "s", "dims": ["frequency", "position"]},
         "frequency": "f",
         "antenna": {"x": "x", "y": "y", "z": "z"},
-        "compensation": {"range": "r0"},
+        "compensation": {"range": "r0_cm"},  # its name tells the unit
         "scene_center": [0.0, 0.0, 0.0],
     }
     sweep = mf.import_data(tmp_path / "sar.npz", mapping=mapping)

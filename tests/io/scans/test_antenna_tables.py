@@ -95,3 +95,17 @@ def test_a_table_of_files_may_name_ports_and_channels(tmp_path):
     path.write_text("file,port,channel,x_mm\na.s1p,1,1,-1\nb.s1p,1,2,1\n")
     sweep = mf.import_data([tmp_path / "a.s1p", tmp_path / "b.s1p"], positions=path)
     np.testing.assert_allclose(sweep["antenna_position"][:, 0], [-0.001, 0.001], atol=1e-12)
+
+
+def test_a_table_of_ten_ports_is_read_like_a_touchstone_file(tmp_path):
+    """From ten on, the names of parameters have a comma."""
+    frequency, count = np.linspace(290e9, 300e9, 3), 10
+    s = np.arange(3.0)[:, None, None] + 10.0 * np.arange(count)[:, None] + np.arange(count)
+    names = [f"S_{out + 1}_{into + 1}" for into in range(count) for out in range(count)]
+    rows = [
+        ",".join([f"{f:g}", *(f"{v:g}+1j" for v in row)]) for f, row in zip(frequency, s.reshape(3, -1), strict=True)
+    ]
+    (tmp_path / "all.csv").write_text("\n".join([",".join(["freq", *names]), *rows, ""]))
+    (tmp_path / "p.toml").write_text("ports = {x = {start = 0.0, step = 1e-3, points = 10}}\n")
+    sweep = mf.import_data(tmp_path / "all.csv", positions=tmp_path / "p.toml")
+    np.testing.assert_allclose(sweep["s"].values.real, s)

@@ -8,13 +8,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mirrorfold.common import decibels
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.io.exports.vtk import places, points_file
 
 Columns = dict[str, NDArray]
 
-COLOURS = np.array([[0, 158, 115], [230, 159, 0], [204, 121, 167], [86, 180, 233], [213, 94, 0], [0, 114, 178]])
-"""Red, green and blue by number of bounces, as in the pictures (Okabe and Ito, 2008)."""
+COLOURS = np.array([list(bytes.fromhex(colour[1:])) for colour in decibels.COLOURS], dtype="u1")
+"""Red, green and blue by number of bounces, as in the pictures."""
 
 
 def cloud_file(reconstruction: xr.DataTree, suffix: str) -> bytes:
@@ -71,7 +72,7 @@ def _table(columns: Columns) -> bytes:
 
 def _ply(columns: Columns, chains: list[str]) -> bytes:
     """A PLY file of points."""
-    colour = COLOURS[np.minimum(columns["bounces"], len(COLOURS) - 1)].astype("u1")
+    colour = COLOURS[columns["bounces"] % len(COLOURS)]
     columns = columns | {name: colour[:, i] for i, name in enumerate(("red", "green", "blue"))}
     kinds = {"<f4": "float", "<f8": "double", "<i4": "int", "|u1": "uchar"}
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in notes(chains))]

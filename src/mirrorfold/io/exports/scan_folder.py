@@ -77,7 +77,7 @@ def save_touchstone(sweep: xr.Dataset, folder: str | Path, *, progress: Progress
                 rows[:, 1], rows[:, 2] = sample.real, sample.imag
             text = "\n".join([form % tuple(row) for row in rows.tolist()])
             (directory / name).write_text(f"{head}{text}\n", encoding="ascii")
-            if progress is not None and done % 64 == 0:
+            if progress is not None and (done % 64 == 0 or done == len(names)):
                 progress(done, len(names))
         lines = [",".join([name, *map(repr, row)]) for name, row in zip(names, numbers.tolist(), strict=True)]
         (directory / POSITIONS).write_text("\n".join([",".join(("file", *heading)), *lines, ""]), encoding="ascii")
@@ -95,7 +95,8 @@ def _listing(
     i, k = (index.ravel() for index in np.indices((first, second)))
     width = len(str(max(first, second) - 1))
     if dims[1] == "tx":
-        measured = sweep["measured"].values.ravel() if "measured" in sweep.variables else np.ones(i.size, dtype=bool)
+        held = sweep["measured"].values if "measured" in sweep.variables else np.ones(i.size)
+        measured = held.astype(bool).ravel()  # whole numbers would count as indices
         i, k = i[measured], k[measured]
         numbers = np.concatenate([sweep["tx_position"].values[i], sweep["rx_position"].values[k]], axis=1)
         names = [f"tx{a:0{width}}_rx{b:0{width}}.s2p" for a, b in zip(i, k, strict=True)]

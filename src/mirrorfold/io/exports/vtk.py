@@ -7,7 +7,7 @@ https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -115,7 +115,7 @@ def _poly_data(points: NDArray, data: str, cells: str, notes: Sequence[str], **c
     return _file("PolyData", "", piece, [points])
 
 
-def _file(kind: str, grid: str, content: str, arrays: object) -> bytes:
+def _file(kind: str, grid: str, content: str, arrays: Iterable[NDArray]) -> bytes:
     """A whole file of VTK.
 
     Raises
@@ -123,7 +123,7 @@ def _file(kind: str, grid: str, content: str, arrays: object) -> bytes:
     InputError
         If an array is too large for the format's usual header.
     """
-    if any(values.nbytes >= HEADER_LIMIT for values in arrays):  # type: ignore[attr-defined]
+    if any(values.nbytes >= HEADER_LIMIT for values in arrays):
         raise InputError("export: an array has more than 4 GiB; take fewer pixels")
     lines = [
         '<?xml version="1.0"?>',

@@ -12,7 +12,7 @@ from mirrorfold.common.types import Array
 from mirrorfold.common.units import KINDS, UNITS
 from mirrorfold.errors import InputError
 from mirrorfold.io.mapping.model import Places, Values
-from mirrorfold.io.mapping.names import unit_of_name
+from mirrorfold.io.mapping.names import BEFORE_UNIT, unit_of_name
 from mirrorfold.io.readers import Contents, read_contents
 from mirrorfold.io.readers.contents import check_memory
 
@@ -38,8 +38,12 @@ class Quantities:
         """An error about this file."""
         return InputError(f"{self.contents.path}: {message}")
 
-    def row(self, values: Values, name: str, kind: str, samples: int | None = None) -> Array:
+    def row(
+        self, values: Values, name: str, kind: str, samples: int | None = None, *, of_places: bool = False
+    ) -> Array:
         """A row of numbers in the SI unit of its kind (degrees for angles); `samples` is their number along its axis.
+
+        With `of_places`, the unit that the variable names itself is left to `places`.
 
         Raises
         ------
@@ -65,7 +69,7 @@ class Quantities:
         if found.dtype.kind not in "fiub" or max(found.shape, default=1) != found.size:
             raise self.fail(f"{name} has type {found.dtype} and shape {found.shape}, expected a row of real numbers")
         unit = values.unit
-        if unit is None and values.variable is not None and kind in ("frequency", "time", "angle"):
+        if unit is None and values.variable is not None and kind in BEFORE_UNIT and not of_places:
             unit = self._named_unit(values.variable, kind)
         result = found.astype(float).ravel() * (UNITS[unit] if unit else 1.0)
         if not np.isfinite(result).all():
@@ -118,7 +122,7 @@ class Quantities:
             raise self.fail(f"{name} has the unit {places.unit!r}, expected one of {', '.join(KINDS['length'])}")
         if places.position is None and places.file is None:
             rows = [
-                np.zeros(1) if row is None else self.row(row, f"{name}.{axis}", "length", samples)
+                np.zeros(1) if row is None else self.row(row, f"{name}.{axis}", "length", samples, of_places=True)
                 for axis, row in zip("xyz", (places.x, places.y, places.z), strict=True)
             ]
             sizes = {row.size for row in rows if row.size != 1}

@@ -62,9 +62,12 @@ def _is_frequency(name: str) -> bool:
 
 
 def _parameter(name: str) -> str:
-    """``S21`` from ``S[2,1]``."""
-    match = re.fullmatch(r"S\[(\d),(\d)\]", name.strip(), re.IGNORECASE)
-    return f"S{match[1]}{match[2]}" if match else name
+    """``S21`` from ``S[2,1]``, and ``S10,1`` from ``S[10,1]``."""
+    match = re.fullmatch(r"S\[(\d+),(\d+)\]", name.strip(), re.IGNORECASE)
+    if match is None:
+        return name
+    comma = "" if len(match[1] + match[2]) == 2 else ","
+    return f"S{match[1]}{comma}{match[2]}"
 
 
 def _packages(path: Path, lines: Iterator[tuple[int, str]], most: int) -> Iterator[_Package]:

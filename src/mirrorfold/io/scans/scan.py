@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
 from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
-from mirrorfold.io.readers.pair_tables import PLACE_DIGITS, distinct, sweep_of_wide_table
+from mirrorfold.io.readers.pair_tables import PARAMETER, PLACE_DIGITS, distinct, sweep_of_wide_table
 from mirrorfold.io.readers.table import usual_phase_unit
 from mirrorfold.io.scans.networks import SpectraInMemory
 from mirrorfold.io.scans.positions import FilePosition, Scan, arrangement_of, match_pattern, read_positions
@@ -216,7 +217,7 @@ def _spectra(
             raise InputError(f"{path}: holds {listed(found.parameters)} and not {name}; measure it again")
         s[n] = found.parameters[name]
         phases += [found.bare_phases[name]] if name in found.bare_phases else []
-        if progress is not None and (n + 1) % 64 == 0:
+        if progress is not None and ((n + 1) % 64 == 0 or n + 1 == len(files)):
             progress(n + 1, len(files))
     if len(phases) == len(files):
         phase = np.stack(phases)
@@ -343,12 +344,16 @@ def _all_ports(table: Path, scan: Scan, ports: Any, files: Files) -> xr.Dataset:
     spectra = read_spectra(path)
     places = Quantities(Contents(table, "table", {})).places(ports, "ports")
     count = len(places)
-    if len(spectra.parameters) != count**2:
+    numbered = {
+        tuple(int(part) for part in match.groups() if part): values
+        for name, values in spectra.parameters.items()
+        if (match := PARAMETER.match(name))
+    }
+    if len(spectra.parameters) != count**2 or set(numbered) != set(product(range(1, count + 1), repeat=2)):
         raise InputError(f"{table}: gives {count} ports, and {path} holds {listed(spectra.parameters)}")
     s = np.empty((spectra.frequency.size, count, count), dtype=np.complex64)
-    for into in range(count):
-        for out in range(count):
-            s[:, into, out] = spectra.parameters[touchstone.parameter_name(out, into, count)]
+    for (out, into), values in numbered.items():
+        s[:, into - 1, out - 1] = values
     coords = {
         "frequency": ("frequency", spectra.frequency, {"units": "Hz"}),
         "tx_position": (("tx", "axis"), places, {"units": "m"}),

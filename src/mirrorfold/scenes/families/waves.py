@@ -3,8 +3,8 @@
 Scenes are drawn in a unit of length of their own, with walls about one unit long, and then scaled by the wavelength, so
 that they have some 11 000 unknowns with any radar: a unit is about 300 wavelengths, 30 cm at 300 GHz, 1.1 m at 79 GHz.
 Echoes that are reflected to and fro between walls fade slowly, and eventually wrap around the ambiguous range. The
-ambiguous range is some six units, twice the distance of the hidden objects, except in the family that tests wrapped
-echoes.
+ambiguous range is five to ten units, at least twice the distance of the hidden objects, except in the family that tests
+wrapped echoes.
 """
 
 from __future__ import annotations

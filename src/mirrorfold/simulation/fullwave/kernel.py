@@ -27,7 +27,7 @@ NEAR = 2.0
 """Argument x below which the power series is used: only distances below a third of a wavelength."""
 
 SERIES_TERMS = 11
-"""Number of terms of the power series; the first neglected term is below 1e-8 at `NEAR`."""
+"""Number of terms of the power series; the first neglected term is below 1e-14 at `NEAR`."""
 
 ROUNDER = 1.5 * 2.0**52
 """Adding and subtracting this rounds a float64 to the nearest whole number."""

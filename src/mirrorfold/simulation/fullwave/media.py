@@ -36,7 +36,7 @@ DEGREE = 10
 """Degree of the polynomials that approximate f."""
 
 SERIES_TERMS = 12
-"""Number of terms of the power series below `NEAR`; the first neglected term is below 1e-9."""
+"""Number of terms of the power series below `NEAR`; the first neglected term is below 1e-16."""
 
 DEEPEST = 24.0
 """Largest absorption that is computed [Np]: a wave absorbed further keeps the relative amplitude 4e-11."""

@@ -40,7 +40,7 @@ class Caster:
         if self._empty:
             return
         self._scene = EmbreeScene(robust=True)
-        # Single precision is good to 0.3 um per metre; the triangles are kept near the origin for it.
+        # Single precision rounds places some metres away to tenths of a micrometre, far below `SLACK` of `chains`.
         self._mesh = TriangleMesh(self._scene, vertices[faces].astype(np.float32))
 
     def first_hit(

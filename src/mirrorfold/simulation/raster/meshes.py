@@ -26,7 +26,10 @@ LARGEST_MESH = 100.0
 """Largest extent of a mesh [m]: a larger one was probably made in another unit."""
 
 CURVE_CELL = 0.012
-"""Length of the facets on curved solids [m]."""
+"""Length of the facets on cylinders and, within `BALL_DIVISIONS`, on spheres [m]."""
+
+BALL_DIVISIONS = 3, 6
+"""Fewest and most times that the 20 triangles of an icosahedron are divided into four each: 82 000 at most."""
 
 _QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -134,13 +137,15 @@ def _mesh(surface: Surface3D) -> tuple[Array, Index]:
     if isinstance(surface, Mannequin):
         return mannequin_mesh(surface.height, surface.arms, surface.elbows, surface.stride)
     if isinstance(surface, Mesh):
-        return _mesh_file(check_file(surface.path, "give the path of an STL, OBJ or PLY file"), surface.scale)
+        path = check_file(surface.path, "give the path of an STL, OBJ or PLY file")
+        state = path.stat()
+        return _mesh_file(path, surface.scale, state.st_mtime_ns, state.st_size)
     if isinstance(surface, Box):
         return _rounded_box(surface.size, surface.rounding)
 
     creation = _trimesh().creation
     if isinstance(surface, Sphere):
-        level = int(np.clip(np.ceil(np.log2(surface.radius / CURVE_CELL)), 3, 6))
+        level = int(np.clip(np.ceil(np.log2(surface.radius / CURVE_CELL)), *BALL_DIVISIONS))
         ball = creation.icosphere(subdivisions=level, radius=surface.radius)
         return np.asarray(ball.vertices, dtype=float), np.asarray(ball.faces, dtype=np.int64)
     assert isinstance(surface, Cylinder)
@@ -177,15 +182,17 @@ def _rounded_box(size: tuple[float, float, float], rounding: float) -> tuple[Arr
 
 
 @lru_cache(maxsize=16)
-def _mesh_file(path: Path, scale: float) -> tuple[Array, Index]:
+def _mesh_file(path: Path, scale: float, changed: int, size: int) -> tuple[Array, Index]:
     """A closed mesh from a file, its vertices times `scale` [m].
+
+    `changed` [ns] and `size` [bytes] are those of the file: it is read again when it has changed.
 
     Raises
     ------
     InputError
         If the mesh cannot be read, is open, crosses itself or is too large.
     """
-    check_room(MESH_GROWTH * path.stat().st_size, f"{path}: its triangles", "simplify the mesh, a million are plenty")
+    check_room(MESH_GROWTH * size, f"{path}: its triangles", "simplify the mesh, a million are plenty")
     try:
         mesh: Any = _trimesh().load(path, force="mesh")
     except Exception:  # trimesh raises whatever its many readers raise, and quotes the file, which may be any

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mirrorfold.common.decibels import power_ratio_of, ratio_of
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.geometry import Isometry
 from mirrorfold.common.slabs import Polarization
 from mirrorfold.common.types import Array, Index
-from mirrorfold.scenes.materials import coherent_factor, scattering_depth
+from mirrorfold.scenes.materials import scattering_depth
 from mirrorfold.scenes.solids import Finish, Scene3D
 from mirrorfold.simulation.raster.meshes import Quad, Solid, vertex_normals
-from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE
+from mirrorfold.simulation.rays.scatterers import VOLUME_SHARE, roughness_factor, specular_coefficient
 
 WALL_SPACING, BODY_SPACING = 0.006, 0.004
 """Mean distance of scatterers [m] on flat and on curved surfaces. A resolution cell of 5 mm range and a beam of 2 cm
@@ -57,10 +57,7 @@ def specular_amplitude(
     finish: Finish, frequency: float, cosine: Array, polarization: Polarization = "TE"
 ) -> NDArray[np.complex128]:
     """Amplitude reflection coefficient, (...): Fresnel's, reduced by roughness, `diffuse_fraction` and `loss_db`."""
-    angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-    kept = np.sqrt(1.0 - finish.diffuse_fraction) * ratio_of(-finish.loss_db)
-    coefficient = finish.substance.reflection(frequency, angle, polarization)
-    return np.asarray(coefficient * _coherent(finish, frequency, angle) * kept)
+    return specular_coefficient(finish, frequency, cosine, polarization) * np.sqrt(kept_share(finish))
 
 
 def kept_share(finish: Finish) -> float:
@@ -80,16 +77,8 @@ def diffuse_share(finish: Finish, frequency: float, cosine: Array, *, inside: bo
     kept = power_ratio_of(-finish.loss_db)
     if inside:
         return np.asarray(VOLUME_SHARE * (1.0 - reflected) * kept)
-    coherent = _coherent(finish, frequency, angle) ** 2 * (1.0 - finish.diffuse_fraction)
+    coherent = roughness_factor(finish, frequency, angle) ** 2 * (1.0 - finish.diffuse_fraction)
     return np.asarray(reflected * (1.0 - coherent) * kept)
-
-
-def _coherent(finish: Finish, frequency: float, angle: Array) -> Array:
-    if finish.roughness is None:
-        return np.ones_like(angle)
-    return coherent_factor(
-        finish.roughness.rms_height, frequency, angle, correlation_length=finish.roughness.correlation_length
-    )
 
 
 def scatters(finish: Finish) -> tuple[bool, bool]:

@@ -21,7 +21,7 @@ from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.noise import complex_noise
 from mirrorfold.common.slabs import POLARIZATIONS
-from mirrorfold.common.threads import counted, for_each
+from mirrorfold.common.threads import counted, for_each, part_of
 from mirrorfold.common.types import Progress
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.solids import Scene3D
@@ -77,9 +77,11 @@ def simulate_raster(
     waves = POLARIZATIONS if scene.polarization == "both" else (scene.polarization,)
     samples = {"sweep": 8.0 * len(waves) * azimuth.size * elevation.size * scene.band.points}
     expect(samples | {"its copy": samples["sweep"]}, beams, "give fewer, or raise the limit", limit=memory_limit)
-    settings: dict[str, Any] = {"bounces": bounces, "seed": seed, "force": force}
-    settings |= {"noise_alone": snr_db is not None, "progress": progress}
-    parts = {one: _without_noise(replace(scene, polarization=one), **settings) for one in waves}
+    settings: dict[str, Any] = {"bounces": bounces, "seed": seed, "force": force, "noise_alone": snr_db is not None}
+    parts = {
+        one: _without_noise(replace(scene, polarization=one), **settings, progress=part_of(progress, n, len(waves)))
+        for n, one in enumerate(waves)
+    }
     sweeps: dict[str, xr.Dataset] = {one: sweep for one, (sweep, _) in parts.items()}
     sweep = join_polarizations(sweeps) if len(waves) > 1 else parts[waves[0]][0]
     if snr_db is not None and all(returned for _, returned in parts.values()):

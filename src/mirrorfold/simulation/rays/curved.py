@@ -45,6 +45,9 @@ from mirrorfold.simulation.rays.paths import ChainPaths, Points
 FAN = 128
 """Number of rays of a fan over a whole arc."""
 
+PROLONGED = 0.05
+"""Share of its span by which an arc is prolonged at either end in fans, so that the outermost rays have neighbours."""
+
 NARROW = 33
 """Number of rays over the part of an arc from which rays meet the next arc."""
 
@@ -177,8 +180,8 @@ def _trace_rays(antenna: Array, arcs: Array, angle: Array) -> tuple[Array, Array
                 distance = -(ox * dx + oy * dy) - side * np.sqrt(radius * radius - (dx * oy - dy * ox) ** 2)
                 ox, oy = ox + distance * dx, oy + distance * dy
                 at = np.arctan2(ox * arc[M01] + oy * arc[M11], ox * arc[M00] + oy * arc[M10])
-                # The arc is prolonged by 5 % of its span at either end, so that the outermost rays have neighbours.
-                if not distance > 0.0 or (at - arc[FIRST] + 0.05 * arc[SPAN]) % (2.0 * np.pi) > 1.1 * arc[SPAN]:
+                longer = (1.0 + 2.0 * PROLONGED) * arc[SPAN]
+                if not distance > 0.0 or (at - arc[FIRST] + PROLONGED * arc[SPAN]) % (2.0 * np.pi) > longer:
                     break
             cos, sin = np.cos(at), np.sin(at)
             nx, ny = arc[M00] * cos + arc[M01] * sin, arc[M10] * cos + arc[M11] * sin
@@ -226,10 +229,10 @@ def _dense_at_ends(begin: float, end: float, count: int) -> Array:
 def _lit_intervals(antenna: Array, arc: Array) -> list[Array]:
     """Intervals of the angle on an arc, each as sampled angles, in which rays from an antenna meet the reflecting side.
 
-    An arc that is no whole circle is prolonged by 5 % of its span at either end.
+    An arc that is no whole circle is prolonged by `PROLONGED` of its span at either end.
     """
     offset, linear, (radius, first, span, side) = antenna - arc[:2], arc[2:6].reshape(2, 2), arc[6:10]
-    margin = 0.0 if span >= 2.0 * np.pi else 0.05 * span
+    margin = 0.0 if span >= 2.0 * np.pi else PROLONGED * span
     begin, end = first - margin, first + span + margin
     away = float(np.linalg.norm(offset))
     if side < 0.0:

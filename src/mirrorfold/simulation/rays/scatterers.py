@@ -82,7 +82,7 @@ def specular_coefficient(
     """
     angle = np.arccos(np.clip(cosine, 0.0, 1.0))
     coefficient = material(surface.material).reflection(frequency, angle, polarization)
-    return np.asarray(coefficient * _coherent(surface, frequency, angle))
+    return np.asarray(coefficient * roughness_factor(surface, frequency, angle))
 
 
 def named(polarization: str) -> Polarization:
@@ -90,7 +90,7 @@ def named(polarization: str) -> Polarization:
     return "TM" if polarization == "TM" else "TE"
 
 
-def _coherent(surface: Faced, frequency: ArrayLike, angle: ArrayLike) -> Array:
+def roughness_factor(surface: Faced, frequency: ArrayLike, angle: ArrayLike) -> Array:
     """Factor by which roughness reduces the specular amplitude of a surface, broadcast (...) array; 1 if smooth."""
     if surface.roughness is None:
         return np.ones(np.broadcast_shapes(np.shape(frequency), np.shape(angle)))
@@ -124,7 +124,7 @@ class DiffuseLaw:
         reflected = np.abs(made_of.reflection(frequency, angle, self.polarization)) ** 2
         if self.inside:
             return np.asarray(VOLUME_SHARE * (1.0 - reflected))
-        return np.asarray(reflected * (1.0 - _coherent(self.surface, frequency, angle) ** 2))
+        return np.asarray(reflected * (1.0 - roughness_factor(self.surface, frequency, angle) ** 2))
 
     def factor(self, frequency: Array, cosine: Array) -> Array | Complex:
         """Factor of one way in ``sigma`` for unit length of outline, ``sqrt(cos(t) Q(t)) / (2 C)^(1/4)``; in TM, j
