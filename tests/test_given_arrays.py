@@ -130,3 +130,17 @@ def test_images_that_no_precision_suits_are_refused(focused, tmp_path):
 def test_an_image_in_another_order_is_told_how_to_sort_it(focused):
     with pytest.raises(mf.InputError, match=r"image\.transpose\('y', 'x'\) sorts them"):
         mf.fold(focused.transpose("x", "y"))
+
+
+@pytest.mark.parametrize("limit", ["x", -1, 0, float("nan"), 10**400, [], 1 + 2j])
+def test_limits_of_memory_are_positive_numbers(limit):
+    image = xr.DataArray(np.eye(300), {"y": np.linspace(1.0, 2.0, 300), "x": np.linspace(-0.5, 0.5, 300)})
+    with pytest.raises(mf.InputError, match=r"^memory_limit(:| is )"):
+        mf.fold(image, memory_limit=limit)
+
+
+def test_plans_are_kept_in_a_store_of_plans():
+    place, frequency = np.eye(3)[:2], [1e9, 2e9, 3e9]
+    sweep = mf.make_sweep(np.full((3, 2, 2), 1j), frequency=frequency, tx_position=place, rx_position=place)
+    with pytest.raises(mf.InputError, match=r"^plans: got the text 'many', expected a PlanCache$"):
+        mf.focus(sweep, x=[0.0], y=[2.0], plans="many")

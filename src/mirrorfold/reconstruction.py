@@ -22,7 +22,7 @@ from typing import Any
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from mirrorfold.common.arguments import one_of, wrong_kind
+from mirrorfold.common.arguments import number, one_of, wrong_kind
 from mirrorfold.common.facts import VOXELS
 from mirrorfold.common.forecasts import expect
 from mirrorfold.common.plans import FloorPlan
@@ -217,6 +217,7 @@ class FoldPlan:
         InputError
             If the memory does not suffice, or the image cannot be used.
         """
+        limit = None if limit is None else number("memory_limit", limit, "B", above=0.0)
         parts = fold_parts(self.image, self._sweep)
         pixels = " x ".join(map(str, self.image.shape))
         remedy = "give a smaller or coarser image, close other programs, or raise the limit"

@@ -370,3 +370,30 @@ def test_a_scene_that_is_named_twice_is_one_scene():
     found = run("nothing", seeds=[1, 1, 0, 1])
     assert found.seeds == [0, 1]
     assert small_benchmark.calls == ["nothing", "nothing"]
+
+
+@pytest.mark.parametrize("lines", ["import sys; sys.exit(0)", "raise KeyError('no such thing')"])
+def test_modules_that_end_on_import_are_refused(tmp_path, monkeypatch, lines):
+    """A script without the usual guard runs, and ends the program, when it is imported."""
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "ending.py").write_text(lines)
+    with pytest.raises(mf.InputError, match="method 'ending:f': the module 'ending' cannot be imported"):
+        mf.benchmark(WALL, radars=RADAR, methods="ending:f", seeds=[0])
+
+
+def test_what_modules_print_on_import_is_not_among_the_figures(tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "talking.py").write_text("print('hello')\ndef f(image, sweep): return {'points': []}\n")
+    load_method("talking:f")
+    assert capsys.readouterr() == ("", "hello\n")
+
+
+def test_errors_that_cannot_be_told_are_failures_like_others():
+    found = run("unspeakable", "nothing", seeds=[0])
+    assert [family.failures for family in found.results] == [1, 0]
+
+
+@pytest.mark.parametrize("name", ["output", "sweeps"])
+def test_folders_of_the_wrong_kind_are_refused(name):
+    with pytest.raises(mf.InputError, match=f"{name}: got the number 3, expected the path of a folder"):
+        run("nothing", seeds=[0], **{name: 3})

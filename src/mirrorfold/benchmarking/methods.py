@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -69,8 +70,9 @@ def load_method(name: str) -> Method:
     if here not in sys.path:
         sys.path.append(here)
     try:
-        module = importlib.import_module(module_name)
-    except Exception as error:  # a foreign module may raise anything when it is imported
+        with redirect_stdout(sys.stderr):  # stdout may be JSON
+            module = importlib.import_module(module_name)
+    except (Exception, SystemExit) as error:  # a foreign module may raise anything when it is imported
         raise InputError(
             f"method {name!r}: the module {module_name!r} cannot be imported ({type(error).__name__}: {error}); run in "
             "its folder or install it"

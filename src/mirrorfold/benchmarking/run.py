@@ -19,7 +19,7 @@ from mirrorfold.benchmarking.methods import load_method
 from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
 from mirrorfold.benchmarking.scenes import Line, Task, judge, scene_digest
 from mirrorfold.benchmarking.summaries import Benchmark, summarise
-from mirrorfold.common.arguments import in_message, listed, wrong_kind
+from mirrorfold.common.arguments import in_message, listed, path_of, wrong_kind
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.errors import EndedError, InputError
@@ -84,6 +84,8 @@ def benchmark(
     tasks = _tasks(families, radars, methods, seeds)
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
         raise InputError(f"jobs is {in_message(jobs)}, expected a whole number of at least 1")
+    output = None if output is None else path_of("output", output, "the path of a folder")
+    sweeps = None if sweeps is None else path_of("sweeps", sweeps, "the path of a folder")
     for folder in (output, sweeps):
         if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
             raise InputError(f"{folder}: is no folder; give the path of one")

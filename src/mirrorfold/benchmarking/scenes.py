@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import sys
 import time
 import warnings
@@ -19,7 +20,7 @@ from mirrorfold import __version__
 from mirrorfold.benchmarking.methods import as_reconstruction, load_method
 from mirrorfold.common.parts import is_sealed, seal
 from mirrorfold.common.records import LEFT_OUT, Record, fact
-from mirrorfold.errors import InputError
+from mirrorfold.errors import InputError, shortened
 from mirrorfold.focusing import focus
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.io import load, save
@@ -27,6 +28,9 @@ from mirrorfold.io.files import written_atomically
 from mirrorfold.scenes.families import Family, Radar, draw
 from mirrorfold.scoring.score import PlanScore, VolumeScore, score
 from mirrorfold.simulation import simulate
+
+MOST_LETTERS = 80
+"""Letters of the names of family and radar in the name of a file: disks allow 255 in all."""
 
 T = TypeVar("T")
 
@@ -75,7 +79,7 @@ def judge(task: Task) -> list[Line]:
         path = _kept_sweep(task, digest)
         sweep = _timed(seconds, "simulate", lambda: _simulated(task, scene, path, digest))
         image = _timed(seconds, "focus", lambda: focus(sweep, tolerance=TOLERANCE_TO_FOLD))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         sentence = _sentence(error, "there is no image,")
         return [_line(task, method, seconds, digest, error=sentence) for method in task.methods]
     measured = None if task.family.engine == "raster" else sweep
@@ -120,8 +124,12 @@ def _isolated() -> Iterator[None]:
 
 def _sentence(error: BaseException, what: str) -> str:
     """An error as one sentence; an error that is not meant for users is introduced by `what`."""
-    text = str(error) if isinstance(error, InputError) else f"{what} {type(error).__name__}: {error}"
-    return " ".join(text.split()).removesuffix(":")
+    try:
+        told = str(error)
+    except Exception:  # a foreign error may fail to say what it is
+        told = "its message cannot be read"
+    text = told if isinstance(error, InputError) else f"{what} {type(error).__name__}: {told}"
+    return " ".join(shortened(text).split()).removesuffix(":")
 
 
 def _line(
@@ -156,7 +164,8 @@ def _kept_sweep(task: Task, digest: str) -> Path | None:
     if task.sweeps is None:
         return None
     # Anything that changes the sweep changes the digest, and so the name of its file.
-    path = task.sweeps / f"{task.family.name} {task.radar.name} {task.seed} {digest[:12]}.nc".replace(" ", "-")
+    name = f"{task.family.name} {task.radar.name}"[:MOST_LETTERS]
+    path = task.sweeps / re.sub(r"[^\w.,-]", "-", f"{name} {task.seed} {digest[:12]}.nc")
     if path.is_file() and not is_sealed(path, digest):
         warnings.warn(f"{path}: is damaged or was not written by a benchmark, and is simulated again", stacklevel=2)
         path.unlink()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import secrets
 import warnings
 from collections.abc import Iterator
@@ -64,7 +65,8 @@ class Parts:
 
     def numbers(self) -> list[int]:
         """Numbers of the parts that have a file, intact or not."""
-        return sorted(int(path.stem) for path in self.folder.glob(f"[0-9]*{self.suffix}") if path.stem.isdigit())
+        named = [path for path in self.folder.glob(f"[0-9]*{self.suffix}") if re.fullmatch(r"[0-9]{1,18}", path.stem)]
+        return sorted(number for path in named if self.path(number := int(path.stem)) == path)
 
     def verified(self) -> set[int]:
         """Numbers of the parts that are intact and of this work; gives a warning of the others.

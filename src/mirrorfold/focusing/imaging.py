@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.common.arguments import in_message
+from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.forecasts import tell
 from mirrorfold.common.normalization import IMAGE_NORMALIZATIONS, RANGE_POWERS
 from mirrorfold.common.settings import takes
@@ -82,6 +82,8 @@ def focus(
         does not reach the tolerance; for a setting that makes no sense.
     """
     settings = FocusSettings().with_given(**given)
+    if plans is not None and not isinstance(plans, PlanCache):
+        raise wrong_kind("plans", plans, "a PlanCache", reader="")
     if is_raster(sweep):
         return focus_scans(sweep, settings, progress)
     if settings.normalization not in IMAGE_NORMALIZATIONS:
