@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,3 +129,18 @@ def test_impossible_ranges_get_one_sentence(monkeypatch):
 def test_every_family_says_what_it_is():
     assert all(family.what and radars_of(family) for family in FAMILIES.values())
     assert set(FAMILIES) == {family.name for family in FAMILIES.values()}
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"engine": "foo"}, "engine is 'foo', expected one of rays, fullwave, raster"),
+        ({"bounces": -1}, "bounces is -1"),
+        ({"name": ""}, "family: name"),
+        ({"make": None}, "make: got None"),
+        ({"options": None}, "options: got None"),
+    ],
+)
+def test_families_that_no_scene_can_be_drawn_from_are_refused(changed, said):
+    with pytest.raises(InputError, match=said):
+        replace(FAMILIES["empty"], **changed)

@@ -55,9 +55,10 @@ def scene_of(family: Family, seed: int, radar: Radar) -> Any:
         scene = parse_scene(content, source=f"family {family.name!r}, seed {seed}")
         if not isinstance(scene, Scene) or family.engine == "fullwave" or good(scene, family.bounces, family.curved):
             return scene
+    reach = scene.band.ambiguous_range
     raise InputError(
-        f"family {family.name!r}, seed {seed}: none of {DRAWS} draws hides its objects from the radar and shows them "
-        "by mirrors; give it other ranges"
+        f"family {family.name!r}, seed {seed}: none of {DRAWS} draws hides its objects from radar {radar.name!r} and "
+        f"shows them by mirrors within its {reach:.3g} m; give it other ranges, or a radar that sees farther"
     )
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from mirrorfold.common.arguments import one_of, whole_number, wrong_kind
 from mirrorfold.scenes.families.radars import Radar
+
+Engine = Literal["rays", "fullwave", "raster"]
 
 Surface = dict[str, Any]
 """A surface as a scene file states it: ``{"name": ..., "kind": ..., ...}``."""
@@ -46,7 +49,7 @@ class Family:
 
     name: str
     what: str
-    engine: Literal["rays", "fullwave", "raster"]
+    engine: Engine
     make: Callable[[np.random.Generator, Radar], list[Surface]]
     bounces: int = 1
     snr_db: float | None = None
@@ -54,3 +57,14 @@ class Family:
     curved: bool = False
     polarization: Literal["TE", "TM", "both"] = "TE"
     options: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what would fail scene by scene, or be taken for something else."""
+        if not isinstance(self.name, str) or not self.name:
+            raise wrong_kind("family: name", self.name, "a text that is not empty", reader="")
+        one_of(f"family {self.name!r}: engine", self.engine, get_args(Engine))
+        whole_number(f"family {self.name!r}: bounces", self.bounces, lowest=0)
+        if not callable(self.make):
+            raise wrong_kind(f"family {self.name!r}: make", self.make, "a function make(random, radar)", reader="")
+        if not isinstance(self.options, dict):
+            raise wrong_kind(f"family {self.name!r}: options", self.options, "a dict of options of simulate", reader="")
