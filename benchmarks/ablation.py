@@ -73,11 +73,11 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
     "rows that end where echoes are much fainter": ({lines: {"FAINTER_CELLS": np.inf}}, {}),
     "rows that end at corners": (
-        {rounds: {"vertices": lambda *given: np.zeros((0, 2))}},
+        {rounds: {"row_crossings": lambda *given: np.zeros((0, 2))}},
         {},
     ),
     "legs of corners that are short rows": ({short_rows: {"bright_places": lambda *given: np.zeros((0, 2))}}, {}),
-    "side lobes in range": ({image_to_view: {"_weights": lambda *given: np.zeros(0)}}, {}),
+    "side lobes in range": ({image_to_view: {"known_weights": lambda *given: np.zeros(0)}}, {}),
     "rings": ({side_lobes: {"SMALLEST_PART": 1.0}, outshone: {"LONGEST_ROW": np.inf}}, {}),
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),

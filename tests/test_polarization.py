@@ -130,7 +130,7 @@ def test_what_is_wrong_with_polarizations_is_said(both):
     te, tm = simulated(), simulated(polarization="TM")
     with pytest.raises(InputError, match="without names"):
         mf.focus(both.drop_vars("polarization"))
-    with pytest.raises(InputError, match="X, TM"):
+    with pytest.raises(InputError, match="'X', 'TM'"):
         mf.focus(both.assign_coords(polarization=["X", "TM"]))
     with pytest.raises(InputError, match="differ in their frequencies"):
         join_polarizations({"TE": te, "TM": tm.assign_coords(frequency=tm["frequency"] * 1.01)})
