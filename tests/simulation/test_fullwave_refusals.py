@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from fullwave_scenes import STRIP, WALL, scene_of
+from scans import ball, content
 
 import mirrorfold as mf
 from mirrorfold.errors import InputError
@@ -179,3 +180,9 @@ def test_estimates_refuse_what_simulations_refuse(scene_file, given, said):
     for function in (estimate, mf.simulate):
         with pytest.raises(InputError, match=said):
             function(mf.load_scene(scene_file), **given)
+
+
+@pytest.mark.parametrize("function", [estimate, mf.simulate])
+def test_full_waves_have_two_dimensions(function):
+    with pytest.raises(InputError, match="the solver 'fullwave' has two dimensions"):
+        function(content(ball(center=(0.0, 2.0, 0.0))), solver="fullwave")

@@ -101,8 +101,9 @@ def focus(
     with ThreadPoolExecutor(1) as beside:
         reading, described = _read_beside(beside, sweep, given, frame, diagnose=False)
         measured = reading.result()
-        speed = {name: given[name] for name in ("wave_speed",) if given.get(name) is not None}
-        remark(f"{doubt.what} Remedy: {doubt.advice}" for doubt in place_doubts(measured.assign_attrs(speed)))
+        speed = given.get("wave_speed")
+        heard = measured if speed is None else measured.assign_attrs(wave_speed=speed)
+        remark(f"{doubt.what} Remedy: {doubt.advice}" for doubt in place_doubts(heard))
         with progress("focusing") as report:
             image = focus_sweep(measured, **given, progress=report)
         remark(described.result().remarks)

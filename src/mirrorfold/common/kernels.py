@@ -34,7 +34,7 @@ class _KernelCache(FunctionCache):
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The compiled kernel from the cache, or None to have it compiled."""
         try:
-            return super().load_overload(signature, target_context) if self.readable() else None
+            return super().load_overload(signature, target_context) if self.is_safe() else None
         except Exception:  # unpickling damaged bytes may raise any exception
             with suppress(OSError):
                 self.flush()  # else the damaged index would be read again when the kernel is saved
@@ -43,7 +43,7 @@ class _KernelCache(FunctionCache):
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep a compiled kernel. If that fails, as on a full disk, it is compiled again by the next process."""
         try:
-            if self.readable():
+            if self.is_safe():
                 super().save_overload(signature, data)
         except OSError as error:
             warnings.warn(
@@ -52,14 +52,14 @@ class _KernelCache(FunctionCache):
                 stacklevel=2,
             )
 
-    def readable(self) -> bool:
+    def is_safe(self) -> bool:
         """Whether the index is a file or missing: opening a pipe in its place would wait for ever."""
         index = Path(self._cache_file._index_path)
         return index.is_file() or not index.exists()
 
     def is_filled(self) -> bool:
         """Whether any kernel is kept, for any types of arguments."""
-        return self.readable() and bool(self._cache_file._load_index())
+        return self.is_safe() and bool(self._cache_file._load_index())
 
 
 def njit(*, makes_arrays: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -169,7 +169,7 @@ def quoting_nothing_outside() -> Iterator[None]:
     token = _outside.set(names)
     try:
         yield
-    except (InputError, ValueError):
+    except Exception:  # a mistake of ours may quote as much as a refusal
         if not names:
             raise
         raise InputError(f"{names[-1]} and cannot be used; copy it there to read what is wrong with it") from None
@@ -178,7 +178,7 @@ def quoting_nothing_outside() -> Iterator[None]:
 
 
 def names_outside() -> bool:
-    """Whether a file outside of the folder was named, of which nothing must be quoted, in warnings neither."""
+    """Whether a file outside of the folder was named, of which nothing must be quoted, not in warnings either."""
     return bool(_outside.get())
 
 

@@ -145,12 +145,8 @@ def simulate(
         "scheduler": scheduler, "checkpoint": checkpoint, "resume": resume,
     }  # fmt: skip
     _check_solver_options(solver, of_fullwave if solver == "rays" else of_rays)
-    check_extent(scene)
-    for doubt in angle_doubts(scene):
-        warnings.warn(doubt, stacklevel=2)
+    _check_scene(scene, solver)
     if not isinstance(scene, Scene):
-        if solver == "fullwave":
-            raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")
         from mirrorfold.simulation.raster.sweep import simulate_raster
 
         return simulate_raster(
@@ -266,6 +262,15 @@ def _folder(checkpoint: Path | None, one: Polarization, of: tuple[Polarization, 
     return checkpoint if len(of) == 1 else checkpoint / one
 
 
+def _check_scene(scene: Scene | Scene3D, solver: str) -> None:
+    """Refuse a scene that is too large, or in space if the solver has two dimensions; warn of angles in radians."""
+    check_extent(scene)
+    for doubt in angle_doubts(scene):
+        warnings.warn(doubt, stacklevel=3)
+    if solver == "fullwave" and not isinstance(scene, Scene):
+        raise InputError(f"scene {scene.name!r}: the solver 'fullwave' has two dimensions; use 'rays'")
+
+
 def _check_solver_options(solver: str, of_other: dict[str, Any]) -> None:
     """Refuse options of the other solver that the user has changed from their defaults."""
     usual = inspect.signature(simulate).parameters
@@ -304,9 +309,7 @@ def estimate(
     seed, workers = whole_number("seed", seed), whole_number("workers", workers, lowest=1)
     tolerance = number("tolerance", tolerance)
     memory_limit = None if memory_limit is None else number("memory_limit", memory_limit, "B", above=0.0)
-    check_extent(scene)
-    for doubt in angle_doubts(scene):
-        warnings.warn(doubt, stacklevel=2)
+    _check_scene(scene, solver)
     if not isinstance(scene, Scene):
         from mirrorfold.simulation.raster.estimate import estimate as estimate_scan
 

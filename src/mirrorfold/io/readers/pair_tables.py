@@ -59,18 +59,28 @@ class TableSweep:
     mapping: dict[str, Any] | None = None
 
 
+def numbers_of(parameter: str) -> tuple[int, int] | None:
+    """Numbers of the receiver and of the transmitter in the name of a scattering parameter; None for other names.
+
+    Examples
+    --------
+    >>> numbers_of("S21"), numbers_of("S10,1"), numbers_of("S")
+    ((2, 1), (10, 1), None)
+    """
+    match = PARAMETER.match(parameter)
+    if match is None:
+        return None
+    rx, tx = (int(part) for part in match.groups() if part)
+    return rx, tx
+
+
 def sweep_of_wide_table(spectra: Spectra, *, two_ports: bool = False) -> TableSweep | None:
     """The pairs of a wide table, where ``S_i_j`` was received by i from j; None for spectra of other names.
 
     Spectra of two ports at most are pairs only with `two_ports`: they may as well be those of one position of many.
     """
-    numbers = []
-    for name in spectra.parameters:
-        match = PARAMETER.match(name)
-        if match is None:
-            return None
-        numbers.append([int(part) for part in match.groups() if part])
-    if not numbers or (np.max(numbers) <= 2 and not two_ports):
+    numbers = [found for name in spectra.parameters if (found := numbers_of(name)) is not None]
+    if not numbers or len(numbers) < len(spectra.parameters) or (np.max(numbers) <= 2 and not two_ports):
         return None
     rx, tx = np.array(numbers).T
     return _arranged(spectra.frequency, np.stack(list(spectra.parameters.values()), axis=-1), tx, rx)

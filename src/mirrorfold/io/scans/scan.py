@@ -27,7 +27,7 @@ from mirrorfold.io.mapping.spectral import STEP_TOLERANCE
 from mirrorfold.io.mapping.strict import validated
 from mirrorfold.io.readers import Contents, Spectra, read_contents, touchstone
 from mirrorfold.io.readers.contents import check_memory, damaged, listed
-from mirrorfold.io.readers.pair_tables import PARAMETER, PLACE_DIGITS, distinct, sweep_of_wide_table
+from mirrorfold.io.readers.pair_tables import PLACE_DIGITS, distinct, numbers_of, sweep_of_wide_table
 from mirrorfold.io.readers.table import usual_phase_unit
 from mirrorfold.io.scans.networks import SpectraInMemory
 from mirrorfold.io.scans.positions import FilePosition, Scan, arrangement_of, match_pattern, read_positions
@@ -344,16 +344,11 @@ def _all_ports(table: Path, scan: Scan, ports: Any, files: Files) -> xr.Dataset:
     spectra = read_spectra(path)
     places = Quantities(Contents(table, "table", {})).places(ports, "ports")
     count = len(places)
-    numbered = {
-        tuple(int(part) for part in match.groups() if part): values
-        for name, values in spectra.parameters.items()
-        if (match := PARAMETER.match(name))
-    }
+    numbered = {numbers_of(name): values for name, values in spectra.parameters.items()}
     if len(spectra.parameters) != count**2 or set(numbered) != set(product(range(1, count + 1), repeat=2)):
         raise InputError(f"{table}: gives {count} ports, and {path} holds {listed(spectra.parameters)}")
-    s = np.empty((spectra.frequency.size, count, count), dtype=np.complex64)
-    for (out, into), values in numbered.items():
-        s[:, into - 1, out - 1] = values
+    pairs = [numbered[out, into] for into in range(1, count + 1) for out in range(1, count + 1)]
+    s = np.stack(pairs, axis=-1).reshape(-1, count, count).astype(np.complex64)
     coords = {
         "frequency": ("frequency", spectra.frequency, {"units": "Hz"}),
         "tx_position": (("tx", "axis"), places, {"units": "m"}),
