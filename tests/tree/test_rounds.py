@@ -7,6 +7,7 @@ from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 from synthetic import echoes_at, empty_view, on_line
 
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
@@ -72,3 +73,23 @@ def test_a_round_with_an_image_of_the_radar_keeps_curved_mirrors_besides():
         found = find_tree(view, echoes_at(view, places), SETTINGS, besides=[arc])
     assert {type(node.mirror) for node in found.tree.mirrors} == {LineMirror, ArcMirror}
     assert len(list(found.tree.walk())) == 3
+
+
+@pytest.mark.parametrize(("marked", "stay"), [(0.3, True), (0.7, False)])
+def test_a_wall_of_which_a_part_may_be_scattered_stays_whole(marked, stay):
+    """Where a true wall crosses the places of scattered echoes, it must not be cut, and become too short."""
+    view, searched = empty_view(), []
+    echoes = echoes_at(view, on_line(*WALL, spacing=0.005))
+    left = WALL[0, 0] + marked * np.diff(WALL[:, 0])
+
+    def find(view, echoes, **options):
+        searched.append(len(echoes))
+        return [replace(LineMirror(*WALL), strength=1.0)]
+
+    def scattered(order, echoes, corners):
+        return echoes.position[:, 0] < left
+
+    settings = replace(SETTINGS, rough_walls=True)
+    with patch.object(rounds, "find_mirrors", find), patch.object(rounds, "scattered", scattered):
+        find_tree(view, echoes, settings)
+    assert (min(searched) == len(echoes)) is stay

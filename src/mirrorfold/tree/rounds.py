@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.stopping import go_on
-from mirrorfold.common.types import ROOT, UNSEEN, Array, Mask, Names
+from mirrorfold.common.types import UNSEEN, Array, Index, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.mirrors.curved import on_rows
@@ -39,6 +39,11 @@ if TYPE_CHECKING:
 
 MAXIMUM_ROUNDS = 8
 """At most so many rounds: mirrors and visible echoes usually agree after two or three."""
+
+
+SCATTERED_SHARE = 0.5
+"""Least share of a row's echoes that rough walls may have scattered where the row is no mirror. With less, the mirror
+is true, and only crosses the places where such echoes would be."""
 
 
 def find_tree(
@@ -118,18 +123,24 @@ def _note_causes(
     """Test all echoes in `clear` sight, (n,), and note the reasons why no object stands at the place of some.
 
     Returns which echoes rough walls may have scattered, (n,). They hide what is behind them, and stay until all rounds
-    are done. But a row of them that was taken for a mirror is noted at once, because that mirror does not exist.
+    are done. But if most echoes of a mirror's row are such, these are noted at once: there is no mirror.
     """
     rescattered = np.zeros_like(clear)
     if settings.copies:
         reasons.note(clear & copies(order, seen), COPY)
     if settings.rough_walls:
         rescattered = clear & scattered(order, seen, measured.corners)
-        reasons.note(rescattered & (order.face != ROOT), SCATTERED)
+        reasons.note(rescattered & _of_rows(order.face, rescattered), SCATTERED)
         reasons.note(clear & short_cuts(order, seen), SHORT_CUT)
     if measured.explain is not None:
         reasons.test(measured.explain, clear, order.flattened(seen))
     return rescattered
+
+
+def _of_rows(face: Index, marked: Mask) -> Mask:
+    """Which echoes lie on mirrors, numbered by `face` (n,), of whose rows `SCATTERED_SHARE` is `marked`, (n,)."""
+    rows = [row for row in np.unique(face[face >= 0]) if marked[face == row].mean() >= SCATTERED_SHARE]
+    return np.isin(face, rows)
 
 
 def _new_corners(mirrors: Sequence[Mirror], view: View, measured: Measured) -> Array:
