@@ -162,6 +162,37 @@ def test_the_cloud_of_a_volume_turns_zooms_and_lets_the_page_scroll(folded_scan,
         assert page.evaluate("() => window.scrollY") > before + 60
 
 
+@pytest.mark.slow
+def test_the_cloud_turns_with_one_finger_alone_whatever_was_swiped_before(folded_scan, tmp_path, chromium):
+    path = mf.report(folded_scan, tmp_path / "volume.html")
+    with opened(chromium, path.as_uri(), **PHONE) as page:
+
+        def middle():
+            page.locator("#cloud").evaluate(
+                "(cloud) => window.scrollTo(0, cloud.getBoundingClientRect().top + window.scrollY - 100)"
+            )
+            settle(page)
+            box = page.locator("#cloud").bounding_box()
+            return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+        x, y = middle()
+        before = pixels(page, "#cloud")
+        near, far = ((x - 40, y), (x + 40, y)), ((x - 80, y), (x + 80, y))
+        fingers(page, *zip(near, far, strict=True))
+        assert (pixels(page, "#cloud") != before).any()
+        fingers(page, *zip(far, near, strict=True))
+        assert np.array_equal(pixels(page, "#cloud"), before)
+        fingers(page, ((x, y), (x + 40, y)))
+        turned = pixels(page, "#cloud")
+        assert (turned != before).any()
+        fingers(page, ((x + 40, y), (x, y)))
+        for _ in range(2):
+            fingers(page, ((x, y), (x, y - 100)))
+            x, y = middle()
+        fingers(page, ((x, y), (x + 40, y)))
+        assert np.array_equal(pixels(page, "#cloud"), turned)
+
+
 LABELS = """() => {
     const found = [], old = CanvasRenderingContext2D.prototype.fillText;
     CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
@@ -206,6 +237,15 @@ def test_a_mirror_is_dragged_and_drawn_by_a_finger(tmp_path, chromium):
         moved = server.session._lines[0] - start[0]
         assert_allclose(moved[0], moved[1], atol=1e-9)
         assert moved[0, 1] < -0.05
+        # A second finger zooms, and moves no mirror.
+        folds, metre = page.locator("html").get_attribute("data-folds"), scale(page)[0]
+        handle = page.locator("[data-handle='1-2']").bounding_box()
+        x, y = handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2
+        fingers(page, ((x, y), (x, y)), ((x, y + 60), (x, y + 100)))
+        assert scale(page)[0] > 1.3 * metre
+        page.wait_for_timeout(300)
+        assert page.locator("html").get_attribute("data-folds") == folds
+        page.locator("[aria-label='show everything']").tap()
         page.locator("#draw").tap()
         to_picture(page)
         fingers(page, (to_screen(page, "initial", -0.3, 0.8), to_screen(page, "initial", 0.3, 0.5)))

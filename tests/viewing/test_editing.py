@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from browser import opened, pixels, readout, settle, to_screen
@@ -9,6 +11,8 @@ from serving import OBJECTS, WALLS, served, two_walls
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import reflect, segment_normal
+from mirrorfold.common.stopping import go_on
+from mirrorfold.reconstruction import FoldPlan
 
 CANVAS = ".panel[data-which=corrected] canvas"
 
@@ -242,3 +246,66 @@ def test_the_focus_stays_where_keys_are_pressed(page):
     page.keyboard.press("Enter")
     settle(page)
     assert page.evaluate("() => document.activeElement.id") == "undo"
+
+
+def pressed_on(page, handle, button="left"):
+    """Press on a handle, move to the right and downward, and let go."""
+    box = page.locator(f"[data-handle='{handle}']").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down(button=button)
+    page.mouse.move(x + 40, y + 60, steps=3)
+    page.mouse.up(button=button)
+    settle(page)
+
+
+@pytest.mark.slow
+def test_a_mirror_may_be_drawn_from_the_end_or_the_middle_of_another(page):
+    for count, handle in ((3, "0-0"), (4, "1-2")):
+        page.locator("#draw").click()
+        pressed_on(page, handle)
+        assert page.locator("#draw").get_attribute("aria-pressed") == "false"
+        folded(page, count - 2)
+        assert page.locator("#lines label").count() == count
+    page.locator("#undo").click()
+    page.locator("#undo").click()
+    settle(page)
+    assert page.locator("#took").inner_text() == "as it is in the file"  # the two mirrors of the file were not moved
+
+
+@pytest.mark.slow
+def test_the_right_button_moves_no_mirror(page):
+    pressed_on(page, "0-2", button="right")
+    assert page.locator("#undo").is_disabled()
+    assert page.locator("#took").inner_text() == "as it is in the file"
+
+
+@pytest.mark.slow
+def test_after_a_fold_is_stopped_all_is_as_before_it(file, chromium, monkeypatch):
+    usual = FoldPlan.fold
+
+    def fold(plan, **given):
+        """Without mirrors, a fold that would never end."""
+        while given["mirrors"] is not None and len(given["mirrors"]) == 0:
+            go_on()
+            time.sleep(0.01)
+        return usual(plan, **given)
+
+    monkeypatch.setattr(FoldPlan, "fold", fold)
+    # Not `opened`, for which the answer that the fold was stopped would be an error of the page.
+    with served(file) as server, chromium.new_context() as context:
+        page = context.new_page()
+        page.goto(server.link())
+        page.wait_for_selector("html[data-ready]")
+        page.locator("[data-line='0']").uncheck()
+        folded(page, 1)
+        before = state(page)
+        page.locator("[data-line='1']").uncheck()
+        page.locator("#cancel").click()
+        notice = page.wait_for_selector(".notice:not([hidden])")
+        assert "was stopped; what is shown is the one before" in notice.inner_text()
+        assert same(state(page), before)
+        monkeypatch.undo()
+        page.locator("#redo").click()
+        folded(page, 2)
+        assert page.locator("#lines .unused").count() == 2

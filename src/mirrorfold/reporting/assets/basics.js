@@ -126,6 +126,21 @@ const lights = (number) => ({
   onpointerenter: () => light(number), onpointerleave: (event) => { if (event.pointerType !== "touch") light(null); },
   onclick: (event) => { light(number); event.stopPropagation(); }, onfocus: () => light(number), onblur: () => light(null),
 });
+// Follow the pointer that was pressed, wherever it goes, until it is lifted or a second finger joins it, for two zoom.
+function followPointer(pressed, act, end = () => {}) {
+  const own = (event) => event.pointerId === pressed.pointerId, ends = ["pointerup", "pointercancel", "pointerdown"];
+  const move = (event) => { if (own(event)) act(event); };
+  const stop = (event) => {
+    if (own(event) === (event.type === "pointerdown")) return;
+    window.removeEventListener("pointermove", move);
+    for (const name of ends) window.removeEventListener(name, stop, true);
+    end();
+  };
+  window.addEventListener("pointermove", move);
+  for (const name of ends) window.addEventListener(name, stop, true);
+}
+// Whether a press begins to drag: neither that of a second finger, nor that of another button of the mouse.
+const drags = (event) => event.isPrimary && event.button === 0;
 // Two fingers on a node: by what factor they spread, where they are, and how far they moved. One finger scrolls the page.
 function pinched(node, act) {
   let last = null;

@@ -109,6 +109,7 @@ async function refold() {
   if (edit.busy) { edit.again = true; return; }
   edit.busy = true;
   edit.saved = null;
+  let failure = null;
   try {
     do {
       edit.again = false;
@@ -126,8 +127,13 @@ async function refold() {
       // The number of folds that are drawn: this runs in the same frame, after the painters.
       requestAnimationFrame(() => { document.documentElement.dataset.folds = String(Number(document.documentElement.dataset.folds || 0) + 1); });
     } while (edit.again);
-  } catch (error) { edit.message = error.message; }
+  } catch (error) { failure = error; }
   edit.busy = false;
+  if (failure) {
+    // What was stopped is not shown: the page goes back to the last step that is.
+    if (failure.conflict && !edit.again) goTo(edit.steps.findLastIndex(({ content }, at) => content && at <= edit.at));
+    edit.message = failure.message;
+  }
   if (edit.again) refold();
   else if (state.content.truth.length && !state.content.score) scoreLater();
   changed();
@@ -190,19 +196,13 @@ function move(k, handle, dx, dy, gesture) {
     all[k].points = [after[0], ...between, after[1]];
   }, gesture);
 }
-// Follow the pointer until it is lifted, wherever it goes.
-function follow(act, end = () => {}) {
-  const stop = () => { window.removeEventListener("pointermove", act); for (const name of ends) window.removeEventListener(name, stop); end(); };
-  const ends = ["pointerup", "pointercancel"];
-  window.addEventListener("pointermove", act);
-  for (const name of ends) window.addEventListener(name, stop);
-}
 function drag(panel, k, handle, event) {
+  if (!drags(event)) return;
   event.preventDefault();
   event.stopPropagation();
   const gesture = {};
   let last = panel.toWorld(panel.place(event));
-  follow((moved) => {
+  followPointer(event, (moved) => {
     const now = panel.toWorld(panel.place(moved));
     move(k, handle, now[0] - last[0], now[1] - last[1], gesture);
     last = now;
@@ -228,7 +228,7 @@ function startDrawing(button, stage) {
     if (panel.which !== "initial") { edit.message = "Draw in the initial image: that is where mirrors are seen."; changed(); return; }
     const start = panel.toWorld(panel.place(event)), before = edit.lines, line = { points: [start, [...start]], on: true };
     edit.lines = [...lines(), line];
-    follow((moved) => { line.points = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
+    followPointer(event, (moved) => { line.points = [start, panel.toWorld(panel.place(moved))]; changed(); }, () => {
       const [a, b] = line.points.map((end) => panel.toScreen(end));
       if (Math.hypot(a[0] - b[0], a[1] - b[1]) < 8) edit.lines = before; else { remember(); refold(); }
       changed();

@@ -52,13 +52,12 @@ class Panel {
   }
   grab(event) {
     this.node.focus({ preventScroll: true });
-    if (event.button || event.target.closest(".mirror, .handle")) return;
+    if (!drags(event) || event.target.closest(".mirror, .handle")) return;
     if (state.draw) return state.draw(this, event);
     if (event.pointerType === "touch") return;
     this.grabbed = { x: state.view.x, y: state.view.y, from: this.place(event) };
     this.node.setPointerCapture(event.pointerId);
-    const release = () => { this.grabbed = null; this.node.removeEventListener("pointerup", release); };
-    this.node.addEventListener("pointerup", release);
+    followPointer(event, () => {}, () => { this.grabbed = null; });
   }
   key(event) {
     if (event.target !== this.node) return;
@@ -251,11 +250,9 @@ function makeStage() {
     "aria-valuemin": "0", "aria-valuemax": "100", "aria-orientation": "horizontal" }, el("span", { class: "grip", "aria-hidden": "true" }, "\u21d4"));
   const slide = (share) => { state.swipe = Math.min(1, Math.max(0, share)); changed(); };
   divider.addEventListener("pointerdown", (event) => {
+    if (!drags(event)) return;
     divider.setPointerCapture(event.pointerId);
-    const move = (moved) => slide((moved.clientX - stage.getBoundingClientRect().left) / stage.clientWidth);
-    const end = () => divider.removeEventListener("pointermove", move);
-    divider.addEventListener("pointermove", move);
-    divider.addEventListener("pointerup", end, { once: true });
+    followPointer(event, (moved) => slide((moved.clientX - stage.getBoundingClientRect().left) / stage.clientWidth));
     event.preventDefault();
     divider.focus({ preventScroll: true });
   });

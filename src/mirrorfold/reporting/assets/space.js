@@ -34,11 +34,10 @@ function makeSpace() {
     return [context, wide, high, getComputedStyle(document.body)];
   }
   const drag = (canvas, act) => canvas.addEventListener("pointerdown", (event) => {
+    if (!drags(event)) return;
     canvas.setPointerCapture(event.pointerId);
     let last = [event.clientX, event.clientY];
-    const move = (moved) => { act(moved.clientX - last[0], moved.clientY - last[1]); last = [moved.clientX, moved.clientY]; changed(); };
-    canvas.addEventListener("pointermove", move);
-    canvas.addEventListener("pointerup", () => canvas.removeEventListener("pointermove", move), { once: true });
+    followPointer(event, (moved) => { act(moved.clientX - last[0], moved.clientY - last[1]); last = [moved.clientX, moved.clientY]; changed(); });
   });
   const tilt = (dx, dy) => { turn.azimuth += 0.008 * dx; turn.elevation = Math.min(1.55, Math.max(-1.55, turn.elevation + 0.008 * dy)); };
   drag(cloud, (dx, dy) => tilt(dx, touched ? 0 : dy));
