@@ -58,6 +58,18 @@ def test_levels_survive_packing_to_half_a_step():
     assert packed["step"] < 0.5
 
 
+def test_pixels_that_are_no_numbers_leave_the_others_as_they_are():
+    amplitude = np.random.default_rng(1).rayleigh(size=(20, 31)).astype(np.float32)
+    expected = unpacked_levels(packed_levels(amplitude, 0.5), 20, 31)
+    for wrong in (np.nan, np.inf, -1.0):
+        spoilt = amplitude.copy()
+        spoilt[3, 5] = wrong
+        level = unpacked_levels(packed_levels(spoilt, 0.5), 20, 31)
+        others = np.isfinite(spoilt) & (spoilt > 0)
+        assert_allclose(level[others], expected[others], atol=0.3)
+        assert np.isnan(level[3, 5]) == (wrong != np.inf)
+
+
 def test_places_far_from_the_origin_keep_their_digits(reconstruction, on_a_map):
     points = to_document(on_a_map)["points"]
     assert points["doubles"] == ["x", "x_initial", "y", "y_initial"]

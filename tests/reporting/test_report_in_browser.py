@@ -88,6 +88,16 @@ def test_hostile_names_run_nothing_in_the_browser(reconstruction, tmp_path, chro
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["constructor", "__proto__"])
+def test_a_chain_with_a_name_of_the_language_is_a_chain_without_points(reconstruction, tmp_path, chromium, name):
+    mirrors = reconstruction["mirrors"].to_dataset(inherit=False)
+    reconstruction["mirrors"] = xr.DataTree(mirrors.assign(chain=("mirror", np.array([name]))))
+    with opened(chromium, mf.report(reconstruction, tmp_path / "report.html").as_uri()) as page:
+        nodes = page.locator(".tree .node .more").all_text_contents()
+        assert nodes == ["points: 2 of objects, 0 of walls", "points: 0 of objects, 0 of walls"]
+
+
+@pytest.mark.slow
 def test_a_pixel_tells_position_amplitude_bounces_and_chain(address, reconstruction, chromium):
     """In the initial image of a ghost; in the corrected one of what it is a ghost of; and of what stands free."""
     objects = reconstruction["objects"].to_dataset(inherit=False)

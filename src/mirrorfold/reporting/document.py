@@ -200,11 +200,12 @@ def shown_grid(image: xr.DataArray, extent: tuple[float, float, float, float], l
 def packed_levels(amplitude: NDArray[np.float32], zero: float, effort: int = 9) -> dict[str, Any]:
     """An image, packed: `data`, the differences along rows, deflated, in base64; `lowest` level and `step` [dB].
 
-    `amplitude` (y, x) equal to `zero` has 0 dB; `lowest` is the level of the byte 1.
+    `amplitude` (y, x) equal to `zero` has 0 dB; `lowest` is the level of the byte 1. Amplitudes that are NaN, as files
+    of other programs may have, are shown as nothing.
     """
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         level = 20.0 * np.log10(amplitude.astype(np.float32) / np.float32(zero))
-    top = float(level.max(initial=0.0))
+    top = float(level.max(initial=0.0, where=np.isfinite(level)))
     step = (top - LOWEST_DB) / 254.0
     count = np.where(amplitude > 0, np.clip(np.rint((level - LOWEST_DB) / step) + 1.0, 1.0, 255.0), 0.0)
     bytes_ = count.astype(np.uint8)

@@ -150,9 +150,11 @@ def _wrong(name: str, values: Any) -> str | None:
     if name == "amplitude" and not np.isfinite(values).all():
         return "is not finite"
     if name in COUNTS:
-        least, most = COUNTS[name], len(values) if name == "parent" else MOST_BOUNCES
+        least, most = COUNTS[name], len(values) - 1 if name == "parent" else MOST_BOUNCES
         if not ((values >= least) & (values <= most) & (values % 1 == 0)).all():
             return f"is no whole number from {least} to {most}"
+        if name == "parent" and (values >= np.arange(len(values))).any():
+            return "is no row before that of the mirror itself"
     return None
 
 

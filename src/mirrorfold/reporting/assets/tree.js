@@ -31,7 +31,7 @@ function makeTree() {
       }
     })(-1, 0);
     const words = new Map([...nodes.keys()].map((number) => {
-      const mirror = mirrors[number], [objects, walls] = seen[mirror ? mirror.chain : ""] || [0, 0];
+      const mirror = mirrors[number], chain = mirror ? mirror.chain : "", [objects, walls] = Object.hasOwn(seen, chain) ? seen[chain] : [0, 0];
       return [number, [mirror ? `mirror ${mirror.name}, ${fixed(mirror.length, placeDigits() - 1)} m` : "radar", `points: ${objects} of objects, ${walls} of walls`]];
     }));
     // As the style sheet draws the second line.
