@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from browser import opened
+from serving import opened as opened_session
 from serving import served, two_walls
 
 import mirrorfold as mf
@@ -65,3 +66,14 @@ def test_after_an_edit_the_page_offers_and_says_only_what_is_so(tmp_path, chromi
         page.wait_for_selector("html[data-folds='1']")
         assert page.locator(".settings tr:has-text('focusing')").all_inner_texts() == focusing
         assert page.locator(".command").is_hidden()  # the command of the file makes something else
+
+
+def test_the_title_stays_after_an_edit(tmp_path):
+    told = mf.fold(two_walls())
+    told.attrs["title"] = "basement, Tuesday"
+    mf.save(told, tmp_path / "r.nc")
+    session = opened_session(tmp_path / "r.nc")
+    assert session.state["document"]["title"] == "basement, Tuesday"
+    assert session.fold({"mirrors": []})["title"] == "basement, Tuesday"
+    session.save({"mirrors": [], "name": "edited.nc"})
+    assert mf.load(tmp_path / "edited.nc").attrs["title"] == "basement, Tuesday"

@@ -109,6 +109,8 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
         image = image.copy(data=image.values * np.exp(1j * held["phase"].values).astype(np.complex64))
     attrs = {str(name): value for name, value in reconstruction.attrs.items()}
     known = {name.removeprefix("image_"): value for name, value in attrs.items() if name.startswith("image_")}
+    if attrs.get("title"):
+        known["title"] = attrs["title"]
     known = {"radar_position": recorded_radar(attrs).tolist()} | known
     # Files of earlier versions do not tell the height; it was mostly that of the radar.
     if height := known.pop("z", radar_place(known)[2]):
