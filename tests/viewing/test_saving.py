@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
+
 import numpy as np
 import pytest
 from serving import WALLS, opened, two_walls
 
 import mirrorfold as mf
+from mirrorfold.cli import main
 
 
 @pytest.mark.slow
@@ -25,3 +28,16 @@ def test_what_was_not_changed_is_saved_as_it_was_opened(tmp_path, mirrors):
     changed = session.save({"settings": {**first["values"], "threshold_db": -10.0}, "name": "other.nc"})
     assert "--threshold-db -10" in changed["command"]
     assert not np.array_equal(mf.load(tmp_path / "other.nc")["intensity"], told["intensity"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["scan (1).nc", "wall+arc, d=3 m.nc", "it's 50% & more.nc", f"{90 * 'x'}.nc"])
+def test_the_name_that_the_page_offers_can_be_saved_under_and_repeated(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    mf.save(two_walls(), name)
+    session = opened(name)
+    saved = session.save({"name": session.state["document"]["save_as"], "mirrors": []})
+    words = shlex.split(saved["command"])
+    words[words.index("-o") + 1] = "again.nc"
+    assert main(words[1:]) == 0
+    assert np.array_equal(mf.load("again.nc")["intensity"], mf.load(saved["files"][0])["intensity"])

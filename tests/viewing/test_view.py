@@ -171,7 +171,13 @@ def test_a_sweep_is_focused_and_its_command_makes_the_same_again(sweep, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("../x.nc", "/x.nc", "a/b.nc", "..nc", "x.txt", "", None, "image.nc", "a\\..\\b.nc"),
+        *("-o.nc", "C:x.nc", "two\nlines.nc", "\u202ecn.x.nc"),
+    ],
+)
 def test_a_name_leads_to_no_other_place(running, name):
     def files() -> dict[Path, tuple[int, int]]:
         found = ((path, path.stat()) for path in running.session.path.parent.parent.rglob("*") if path.is_file())

@@ -46,8 +46,9 @@ LIVE_PIXELS = 480_000
 """Largest number of pixels of each picture in the page, 600 x 800; with more, the picture would lag behind a mirror
 that is dragged. Saved files have all pixels."""
 
-NAME = re.compile(r"[\w][\w .-]{0,80}\.nc")
-"""Pattern of the name of a file to save; without a slash it cannot lead to another directory."""
+NAME = re.compile(r"[^-/\\:][^/\\:]*\.nc")
+"""Pattern of the name of a file to save: without a slash it cannot lead to another directory, and without a hyphen at
+its start it is no option of a command."""
 
 
 class ConflictError(InputError):
@@ -295,7 +296,7 @@ class Session:
         """
         settings, lines = self._checked(request)
         name = request.get("name")
-        if not isinstance(name, str) or not NAME.fullmatch(name) or ".." in name:
+        if not isinstance(name, str) or not NAME.fullmatch(name) or ".." in name or not name.isprintable():
             raise InputError(f"the name to save under is {name!r}, expected a plain name that ends in .nc")
         output = check_output(self.path.parent / name, inputs=[self.path])
         mirrors = output.with_suffix(".mirrors.json")
