@@ -205,6 +205,22 @@ def test_a_node_of_the_tree_lights_its_mirror_and_its_shadow(address, chromium):
 
 
 @pytest.mark.slow
+def test_switches_and_legend_follow_the_theme_of_the_page(reconstruction, scene_file, tmp_path, chromium):
+    path = mf.report(reconstruction, tmp_path / "r.html", scene=scene_file)
+    with opened(chromium, path.as_uri(), color_scheme="dark") as page:
+        for theme in ("dark", "light", "dark"):
+            scheme, legend, line = page.evaluate(
+                """() => [getComputedStyle(document.querySelector('#floor')).colorScheme,
+                getComputedStyle(document.querySelector('.legend .truth')).backgroundColor,
+                getComputedStyle(document.querySelector('.panel .truth:not(.rim)')).stroke]"""
+            )
+            assert scheme == theme
+            assert legend == line
+            page.locator("#theme").click()
+            settle(page)
+
+
+@pytest.mark.slow
 def test_everything_can_be_reached_and_has_a_name(address, chromium):
     with opened(chromium, address) as page:
         nameless = page.evaluate(

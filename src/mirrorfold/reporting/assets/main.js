@@ -23,8 +23,8 @@ function makeLegend() {
   const legend = el("div", { class: "legend" });
   painters.push(() => {
     const { content } = state;
-    if (!content || legend.drawn === content) return;
-    legend.drawn = content;
+    if (!content || (legend.drawn === content && legend.truth === truthColour())) return;
+    Object.assign(legend, { drawn: content, truth: truthColour() });
     const counts = new Set(content.mirrors.map((mirror) => mirror.generation - 1));
     for (let i = 0; i < content.points.count; i++) counts.add(kindOf(content.points, i));
     legend.replaceChildren(...[...counts].sort().map((kind) => el("label", {},
