@@ -203,7 +203,7 @@ def bent(mirrors):
         ("/objects", lambda d: d.assign(confocal=1.0), r"'confocal' .* has dimensions \(\)"),
         ("/objects", lambda d: d.assign(passed=d["amplitude"]), "'wall' is missing"),
         ("/mirrors", lambda d: d.assign(fill=d["strength"] > 0.0), "'fill' in the group /mirrors holds a value"),
-        ("/mirrors", lambda d: d.assign(parent=0 * d["parent"]), "'parent' .* is no row before that of the mirror"),
+        ("/mirrors", lambda d: d.assign(parent=0 * d["parent"]), "'parent' .* leads from a mirror to itself"),
         ("/mirrors", lambda d: d.assign(parent=0 * d["parent"] + 1), "'parent' .* is no whole number from -1 to 0"),
         ("/mirrors", lambda d: d.assign(curvature=d["strength"]), "'xm' is missing"),
         (

@@ -250,6 +250,7 @@ def test_the_focus_stays_where_keys_are_pressed(page):
 
 def pressed_on(page, handle, button="left"):
     """Press on a handle, move to the right and downward, and let go."""
+    settle(page)
     box = page.locator(f"[data-handle='{handle}']").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)

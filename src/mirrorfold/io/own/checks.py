@@ -153,9 +153,17 @@ def _wrong(name: str, values: Any) -> str | None:
         least, most = COUNTS[name], len(values) - 1 if name == "parent" else MOST_BOUNCES
         if not ((values >= least) & (values <= most) & (values % 1 == 0)).all():
             return f"is no whole number from {least} to {most}"
-        if name == "parent" and (values >= np.arange(len(values))).any():
-            return "is no row before that of the mirror itself"
+        if name == "parent" and _circles(values):
+            return "leads from a mirror to itself"
     return None
+
+
+def _circles(parent: Any) -> bool:
+    """Whether a mirror is its own parent, or the parent of one of its parents. `parent` (n,) is -1 for the radar."""
+    above = parent = np.asarray(parent, dtype=np.intp)
+    for _ in range(len(parent).bit_length()):  # twice as many generations up in each turn
+        above = np.where(above >= 0, above[above], -1)
+    return bool((above >= 0).any())
 
 
 def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
