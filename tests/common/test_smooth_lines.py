@@ -45,6 +45,16 @@ def test_a_rounded_corner_lies_between_straight_walls():
     np.testing.assert_array_equal(arcs[:, [0, -1]], [line[[1, -2]]])
 
 
+@pytest.mark.parametrize("length", [0.3, 0.5, 1.0, 1.5, 5.0])
+def test_walls_beside_wide_corners_are_no_part_of_them(length):
+    """Through a wall and the first pieces of a bend there is a circle, too; walls of 0.5 to 1.5 m were bent."""
+    bend = around(270.0, 360.0, 19, radius=1.0)
+    line = np.concatenate([[bend[0] - [length, 0.0]], bend, [bend[-1] + [0.0, length]]])
+    straight, arcs = straight_and_curved(line)
+    np.testing.assert_array_equal(straight, [line[:2], line[-2:]])
+    np.testing.assert_array_equal(arcs[:, [0, -1]], [line[[1, -2]]])
+
+
 @pytest.mark.parametrize("corners", [3, 4, 6, 8, 12])
 def test_rooms_with_edges_stay_straight(corners):
     line = around(0.0, 360.0, corners + 1)

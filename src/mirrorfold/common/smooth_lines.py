@@ -21,6 +21,11 @@ LARGEST_BESIDE = 0.5
 """Largest distance of the vertices from the arc, over the largest distance between the arc and the chords: the arc is
 then closer to the curve that was drawn than the pieces are."""
 
+LONGEST_PIECE = 3.0
+"""Largest length of a piece of a curve, over the median: a longer one is a wall beside a rounded corner. Through a long
+wall and the first short pieces there is a circle of large radius. Programs that halve a curve until it is drawn well
+make pieces twice as long as others."""
+
 
 def straight_and_curved(line: Array) -> tuple[Array, Array]:
     """The straight pieces of a polyline (n, 2) [m], both ends each (pieces, 2, 2), and its arcs, three points each
@@ -64,7 +69,7 @@ def _on_circle(points: Array) -> bool:
         return False
     circle = Arc.through(*three)
     chord = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if chord.max() > 2.0 * circle.radius * np.sin(0.5 * LARGEST_TURN):  # a wall beside a rounded corner
+    if chord.max() > min(2.0 * circle.radius * np.sin(0.5 * LARGEST_TURN), LONGEST_PIECE * np.median(chord)):
         return False
     sagitta = circle.radius - np.sqrt(circle.radius**2 - 0.25 * chord.max() ** 2)
     beside = np.abs(np.linalg.norm(points - circle.center, axis=1) - circle.radius)
