@@ -48,6 +48,67 @@ def test_lines_are_metres_whatever_the_drawing_has(tmp_path, units, scale):
     assert 2.0 - np.hypot(*middle.T).min() < 2e-3
 
 
+@pytest.mark.parametrize(("units", "metre"), [(8, 1e6 / 0.0254), (21, 3937 / 1200), (22, 39.37), (24, 3937 / 6336000)])
+def test_units_of_surveys_and_machines_are_known(tmp_path, units, metre):
+    np.testing.assert_allclose(read_plan(drawing(tmp_path, units=units, scale=metre)).lines[0], WALL, rtol=1e-12)
+
+
+def test_what_is_hidden_or_no_wall_is_left_out(tmp_path):
+    """Furniture is mostly drawn on layer 0 of a block, and lies on the layer where the block was inserted."""
+    document = ezdxf.new("R2010", units=6)
+    space = document.modelspace()
+    document.layers.add("furniture").off()
+    document.layers.add("old").freeze()
+    document.layers.add("walls")
+    chair = document.blocks.new("chair")
+    chair.add_line((0, 0), (0.5, 0))
+    chair.add_line((0, 0.1), (0.6, 0.1), {"layer": "walls"})
+    group = document.blocks.new("group")
+    group.add_blockref("chair", (0, 1))
+    for at, layer in enumerate(("0", "furniture", "old")):
+        space.add_blockref("chair", (at, 2), {"layer": layer})
+        space.add_blockref("group", (at, 3), {"layer": layer})
+    space.add_line((5, 5), (6, 6), {"invisible": 1})
+    space.add_linear_dim(base=(0, 7), p1=(0, 0), p2=(3, 0)).render()
+    space.add_mline([(0, 9), (4, 9)])
+    document.saveas(tmp_path / "plan.dxf")
+    found = {tuple(np.round(line.ravel(), 9).tolist()) for line in read_plan(tmp_path / "plan.dxf").lines}
+    seen = {(0, 2, 0.5, 2), (0, 4, 0.5, 4), (0, 2.1, 0.6, 2.1), (0, 4.1, 0.6, 4.1)}
+    assert found == {*seen, (1, 2.1, 1.6, 2.1), (1, 4.1, 1.6, 4.1), (0, 9, 4, 9), (0, 8, 4, 8)}
+
+
+def test_lines_without_length_are_left_out(tmp_path):
+    lines = [[], [[1, 2]], [[1, 2], [1, 2]], WALL.tolist()]
+    (tmp_path / "plan.geojson").write_text(json.dumps({"type": "MultiLineString", "coordinates": lines}))
+    np.testing.assert_array_equal(read_plan(tmp_path / "plan.geojson").lines, [WALL])
+    (tmp_path / "plan.geojson").write_text(json.dumps({"type": "MultiLineString", "coordinates": lines[:3]}))
+    with pytest.raises(mf.InputError, match="holds no line"):
+        read_plan(tmp_path / "plan.geojson")
+
+
+def endless(document):
+    document.blocks.new("a").add_blockref("a", (1, 1))
+    document.modelspace().add_blockref("a", (0, 0))
+
+
+@pytest.mark.parametrize(
+    ("draw", "words"),
+    [
+        (lambda document: document.modelspace().add_circle((0, 0), 1e15), "farther away than 1e[+]07 m"),
+        (endless, "no DXF file that can be read .*recursion"),
+        (lambda document: document.modelspace().add_blockref("gone", (0, 0)), 'no DXF file that can be read .*"gone"'),
+        (lambda document: document.header.__setitem__("$INSUNITS", 99), "INSUNITS is 99, expected 0 to 24"),
+    ],
+)
+def test_drawings_that_cannot_be_drawn_are_refused(tmp_path, draw, words):
+    document = ezdxf.new("R2010", units=6)
+    document.modelspace().add_line(*WALL)
+    draw(document)
+    document.saveas(tmp_path / "plan.dxf")
+    with pytest.raises(mf.InputError, match=words):
+        read_plan(tmp_path / "plan.dxf")
+
+
 @pytest.mark.parametrize("radius", [0.03, 0.35, 5.0])
 def test_circles_of_a_drawing_are_curves(tmp_path, radius):
     document = ezdxf.new("R2010", units=6)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy import constants
 
 from mirrorfold.common.arcs import Arc, arc_through, as_three_points, in_line, mirror_places
 from mirrorfold.common.arguments import path_of
@@ -41,6 +43,16 @@ LARGEST_COUNT = 100_000
 """Largest number of lines of a floor plan; more must be a mistake, and would take hours to process."""
 
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")
+"""Kinds of DXF entities that are read. Dimensions and leaders consist of lines, too, but these are no walls."""
+
+UNITS = (
+    1.0, constants.inch, constants.foot, constants.mile, 1e-3, 1e-2, 1.0, 1e3, 1e-6 * constants.inch, constants.mil,
+    constants.yard, constants.angstrom, 1e-9, 1e-6, 1e-1, 1e1, 1e2, 1e9, constants.au, constants.light_year,
+    constants.parsec, constants.survey_foot, constants.survey_foot / 12.0, 3.0 * constants.survey_foot,
+    constants.survey_mile,
+)  # fmt: skip
+"""Length [m] of each unit of DXF by its number `$INSUNITS`, of which 0 says no unit. Source: Autodesk, "DXF Reference",
+HEADER section."""
 
 
 def is_plan(path: str | Path) -> bool:
@@ -54,10 +66,10 @@ def read_plan(path: str | Path) -> FloorPlan:
     Parameters
     ----------
     path : path
-        DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also those in blocks, on visible
-        layers; `$INSUNITS` tells the unit, by default metres. GeoJSON: lines and outlines of areas, in metres. On the
-        layer of mirror images, an arc, or a line of more than two points, is a curved mirror: the arc through the
-        first, the middle and the last of its points.
+        DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also those in blocks and
+        multilines, as far as they are visible; `$INSUNITS` tells the unit, by default metres. GeoJSON: lines and
+        outlines of areas, in metres. On the layer of mirror images, an arc, or a line of more than two points, is a
+        curved mirror: the arc through the first, the middle and the last of its points.
 
     Returns
     -------
@@ -72,9 +84,11 @@ def read_plan(path: str | Path) -> FloorPlan:
     if not is_plan(path):
         raise InputError(f"{path}: ends in {path.suffix!r}, expected a floor plan, one of {', '.join(SUFFIXES)}")
     check_file(path, "give a DXF or GeoJSON file")
-    found = list((_dxf if path.suffix.lower() == ".dxf" else _geojson)(path))
+    drawn = (_dxf if path.suffix.lower() == ".dxf" else _geojson)(path)
+    found = list(islice(drawn, LARGEST_COUNT + 1))
     if len(found) > LARGEST_COUNT:
-        raise InputError(f"{path}: holds {len(found)} lines, expected a floor plan of at most {LARGEST_COUNT}")
+        raise InputError(f"{path}: holds more than {LARGEST_COUNT} lines, expected the walls of a floor plan")
+    found = [(layer, line) for layer, line in found if (line != line[:1]).any()]  # of some length in the plan
     lines = tuple(line for layer, line in found if layer not in (IMAGES, POINTS))
     images = [line[[0, len(line) // 2, -1]] if len(line) > 2 else line for layer, line in found if layer == IMAGES]
     if not lines:
@@ -210,31 +224,55 @@ def _lines_of(item: dict[str, Any], layer: str) -> Iterator[tuple[str, Any]]:
 
 
 def _dxf(path: Path) -> Iterator[tuple[str, Array]]:
-    """Layer and place of every line of a DXF file."""
+    """Layer, in small letters, and place of every line of a DXF file that is seen."""
     ezdxf = _ezdxf(path)
-    from ezdxf import disassemble, units
     from ezdxf import path as curves
 
     try:
         document = ezdxf.readfile(path)
-    except (OSError, ezdxf.DXFError, UnicodeDecodeError) as error:
+        number = int(document.header.get("$INSUNITS", 0))
+        if not 0 <= number < len(UNITS):
+            raise InputError(f"{path}: its unit $INSUNITS is {number}, expected 0 to {len(UNITS) - 1}; set the unit")
+        unit = UNITS[number]
+        off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
+        frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
+        for layer, curve in _seen(document.modelspace(), off, frozen):
+            outline = curves.make_path(curve)
+            along: Iterable[Any] = outline.control_vertices()
+            points = unit * np.array([(point.x, point.y) for point in along], dtype=float).reshape(-1, 2)
+            if unplaced(points) is None:  # a curve far away would have points without end
+                along = _along(curve, outline, layer, unit)
+                points = unit * np.array([(point.x, point.y) for point in along], dtype=float).reshape(-1, 2)
+            yield layer, points
+    except (OSError, ezdxf.DXFError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: is no DXF file that can be read ({error}); export the plan again as DXF") from None
-    factor: Any = units.conversion_factor
-    unit = float(factor(document.units, units.M)) if document.units else 1.0
-    hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
-    for entity in disassemble.recursive_decompose(document.modelspace()):
-        layer = str(entity.dxf.layer)
-        if entity.dxftype() in CURVES and layer.lower() not in hidden:
-            curve: Any = entity
-            if entity.dxftype() == "ARC" and layer == IMAGES:  # three points on the arc itself
-                along = curve.vertices(curve.angles(3))
-            elif entity.dxftype() in ("ARC", "CIRCLE"):  # so many points that small ones stay round, too
-                along = curve.flattening(min(SAGITTA / unit, ROUND * curve.dxf.radius))
-            else:
-                along = curves.make_path(entity).flattening(SAGITTA / unit)
-            points = [(point.x, point.y) for point in along]
-            if len(points) > 1:
-                yield layer, unit * np.array(points, dtype=float)
+
+
+def _seen(entities: Iterable[Any], off: set[str], frozen: set[str], block: str = "0") -> Iterator[tuple[str, Any]]:
+    """The curves among DXF entities that are seen, those in blocks too, and their layers in small letters.
+
+    What a block holds on the layer 0 lies on the layer `block` on which the block was inserted. A block on a frozen
+    layer is not seen, one on a layer that is off only where it has layers of its own.
+    """
+    for entity in entities:
+        own = str(entity.dxf.get("layer", "0")).lower()
+        layer = block if own == "0" else own
+        if layer in frozen or entity.dxf.get("invisible", 0):
+            continue
+        if entity.dxftype() in ("INSERT", "MLINE"):
+            for one in entity.multi_insert() if getattr(entity, "mcount", 1) > 1 else (entity,):
+                yield from _seen(one.virtual_entities(), off, frozen, layer)
+        elif entity.dxftype() in CURVES and layer not in off:
+            yield layer, entity
+
+
+def _along(curve: Any, outline: Any, layer: str, unit: float) -> Iterable[Any]:
+    """Points along a curve of a drawing whose path is `outline`, in the unit of the drawing [m]."""
+    if curve.dxftype() == "ARC" and layer == IMAGES:  # three points on the arc itself
+        return curve.vertices(curve.angles(3))
+    if curve.dxftype() in ("ARC", "CIRCLE"):  # so many points that small ones stay round, too
+        return curve.flattening(min(SAGITTA / unit, ROUND * curve.dxf.radius))
+    return outline.flattening(SAGITTA / unit)
 
 
 def _ezdxf(path: Path) -> Any:
