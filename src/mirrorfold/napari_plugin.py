@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from mirrorfold.common.arcs import mirror_curves
 from mirrorfold.common.decibels import COLOURS, decibels
 from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.common.statistics import mean_step
@@ -96,14 +97,6 @@ def _picture(image: xr.DataArray, name: str, *, visible: bool = True) -> Layer:
     return decibels(np.nan_to_num(np.abs(image.values)).astype(float), FLOOR_DB), keywords, "image"
 
 
-def _placed(table: xr.Dataset, columns: list[Any]) -> Any:
-    """Places (n, axes), with the frame before them where there is one."""
-    if "frame" in table.variables:
-        columns = [np.broadcast_to(table["frame"].values.reshape(-1, *[1] * (columns[0].ndim - 1)), columns[0].shape),
-                   *columns]  # fmt: skip
-    return np.stack(columns, axis=-1).astype(float)
-
-
 def _points(held: xr.DataTree, pixel: float) -> Layer:
     objects = confident_points(held)
     axes = [axis for axis in "zyx" if axis in objects.variables]
@@ -115,23 +108,29 @@ def _points(held: xr.DataTree, pixel: float) -> Layer:
         "border_width": 0.0,
         "size": 2.0 * pixel,
     }
-    return _placed(objects, [objects[axis].values for axis in axes]), keywords, "points"
+    places = np.stack([objects[axis].values for axis in axes], axis=-1).astype(float)
+    if "frame" in objects.variables:
+        places = np.column_stack([objects["frame"].values, places])
+    return places, keywords, "points"
 
 
 def _mirrors(held: xr.DataTree, pixel: float) -> Layer:
     mirrors = held.children["mirrors"].to_dataset(inherit=False)
     volume = "folded_corner_x" in mirrors
     if volume:
-        columns = [mirrors[f"folded_corner_{axis}"].values for axis in "zyx"]
+        outlines = list(np.stack([mirrors[f"folded_corner_{axis}"].values for axis in "zyx"], axis=-1).astype(float))
     else:
-        columns = [np.stack([mirrors[f"folded_{axis}{end}"].values for end in (0, 1)], axis=-1) for axis in "yx"]
+        outlines = [line[:, ::-1].astype(float) for line in mirror_curves(mirrors, "folded_")]
+    if "frame" in mirrors.variables:
+        outlines = [np.insert(outline, 0, frame, axis=1)
+                    for outline, frame in zip(outlines, mirrors["frame"].values, strict=True)]  # fmt: skip
     generation = mirrors["generation"].values
     keywords = {
         "name": "mirrors",
-        "shape_type": "polygon" if volume else "line",
+        "shape_type": "polygon" if volume else "path",
         "features": {name: mirrors[name].values for name in ("generation", "parent", "strength")},
         "edge_color": [COLOURS[(int(number) - 1) % len(COLOURS)] for number in generation],
         "face_color": "transparent",
         "edge_width": pixel,
     }
-    return list(_placed(mirrors, columns)), keywords, "shapes"
+    return outlines, keywords, "shapes"

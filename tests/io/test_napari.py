@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 import mirrorfold as mf
+from mirrorfold.common.arcs import circle_through
 from mirrorfold.folding.frames import join_frames
 from mirrorfold.napari_plugin import get_reader
 
@@ -46,10 +47,26 @@ def test_points_and_mirrors_have_their_features(which, request, tmp_path):
     np.testing.assert_array_equal(points, np.stack([tree["objects"].to_dataset(inherit=False)[a] for a in axes], -1))
     assert len(keywords["features"]["chain"]) == len(keywords["face_color"]) == len(points)
     shapes, keywords = found["shapes"]
-    assert keywords["shape_type"] == ("polygon" if which == "folded_scan" else "line")
+    assert keywords["shape_type"] == ("polygon" if which == "folded_scan" else "path")
     assert shapes[0].shape == ((4, 3) if which == "folded_scan" else (2, 2))
     if which == "reconstruction":
         np.testing.assert_allclose(shapes[0], [[1.6, 0.4], [0.9, 0.6]])
+
+
+@pytest.mark.parametrize("frames", [0, 2])
+def test_curved_mirrors_are_round(reconstruction, tmp_path, frames):
+    arc, line = np.array([[0.4, 1.6], [0.47, 1.22], [0.6, 0.9]]), np.array([[-0.6, 1.7], [-0.7, 0.9]])
+    tree = mf.fold(reconstruction, mirrors=[arc, np.insert(line, 1, line.mean(axis=0), axis=0)])
+    found = layers(join_frames([tree] * frames, {}) if frames else tree, tmp_path)
+    shapes = next(data for data, _, kind in found if kind == "shapes")
+    if frames:
+        np.testing.assert_array_equal([np.unique(shape[:, 0]) for shape in shapes], [[0], [0], [1], [1]])
+        shapes = [shape[:, 1:] for shape in shapes[-2:]]
+    bent, straight = (shape[:, ::-1] for shape in shapes)
+    center, radius = (found[0] for found in circle_through(*arc[:, None]))
+    np.testing.assert_allclose(np.linalg.norm(bent - center, axis=1), radius, rtol=1e-5)
+    np.testing.assert_allclose(bent[[0, len(bent) // 2, -1]].mean(axis=0), arc.mean(axis=0), atol=0.02)
+    np.testing.assert_allclose(straight, line, rtol=1e-6)
 
 
 @pytest.mark.slow
