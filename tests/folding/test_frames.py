@@ -12,9 +12,11 @@ from synthetic import diffuse, radar_image, together
 import mirrorfold as mf
 from mirrorfold.cli import main
 from mirrorfold.cli.schema import check
+from mirrorfold.common.arcs import mirror_places
 from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.folding.confident import confident_points
 from mirrorfold.folding.frames import frame_count, join_frames
+from mirrorfold.io.plans import read_plan
 
 X, Y = np.arange(-0.7, 1.7, 0.02), np.arange(0.3, 2.7, 0.02)
 WALL = np.array([[0.9, 0.9], [0.3, 1.9]])
@@ -231,3 +233,41 @@ def test_frames_of_scans_share_a_grid_though_none_may_reach_over_all_of_it(folde
         np.testing.assert_array_equal(picked["intensity"], one["intensity"])
         np.testing.assert_array_equal(picked["x"], one["x"])
         np.testing.assert_array_equal(picked["objects"]["z"], one["objects"]["z"])
+
+
+def with_columns(tree, group, **columns):
+    """A Reconstruction whose table has further columns, of one value each."""
+    table = tree[group].to_dataset(inherit=False)
+    ((dimension, size),) = [item for item in table.sizes.items() if item[0] in ("point", "mirror")]
+    nodes = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
+    nodes[f"/{group}"] = table.assign({name: (dimension, np.full(size, value)) for name, value in columns.items()})
+    return xr.DataTree.from_dict(nodes)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_walls_that_only_some_frames_let_through_are_kept(reconstruction, tmp_path, order):
+    """Texts that a frame lacked became numbers, which no file can hold: the recording was lost when it was done."""
+    through = with_columns(reconstruction, "objects", passed=np.float32(0.9), wall="0", decided="polarization")
+    parts = [through, reconstruction][::order]
+    again = on_disk(join_frames(parts, {}), tmp_path / "all.nc")
+    for number, part in enumerate(parts):
+        held = again["objects"].to_dataset(inherit=False)
+        walls = held["wall"].values[held["frame"].values == number]
+        assert set(walls.tolist()) == {"0" if part is through else ""}
+        assert_same(on_disk(mf.pick_frame(again, number), tmp_path / "one.nc"), on_disk(part, tmp_path / "alone.nc"))
+    assert mf.info(again).points_through_walls == 5
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_flat_mirrors_stay_flat_beside_frames_with_curved_ones(reconstruction, tmp_path, order):
+    line = [[-0.6, 1.7], [-0.7, 0.9]]
+    curved = mf.fold(reconstruction, mirrors=[[[0.4, 1.6], [0.47, 1.22], [0.6, 0.9]]])
+    flat = mf.fold(reconstruction, mirrors=[line])
+    parts = [curved, flat][::order]
+    joined = join_frames(parts, {})
+    places = mirror_places(joined["mirrors"].to_dataset(inherit=False), "folded_")[::order]
+    assert [len(place) for place in places] == [3, 2]
+    np.testing.assert_allclose(places[1], line)
+    assert len(read_plan(mf.export(joined, tmp_path / "plan.geojson")).lines) == 2
+    for number, part in enumerate(parts):
+        assert_same(mf.pick_frame(on_disk(joined, tmp_path / "all.nc"), number), on_disk(part, tmp_path / "one.nc"))

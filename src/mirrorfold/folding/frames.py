@@ -3,7 +3,8 @@
 In the Reconstruction of a recording, the pictures have a leading dimension `frame`, the tables of points and mirrors
 have a column `frame`, and `parent` is a row of the table of all frames. The pictures share one grid, and are NaN where
 the grid of a frame alone ends. Attributes that are the same in all frames become its attributes; the others stand, as
-JSON, in the variable `attributes(frame)`.
+JSON, in the variable `attributes(frame)`. A table has the columns of all frames: on curved mirrors, for example, if one
+frame has such a mirror; the columns that a frame alone lacks are named among its attributes.
 """
 
 from __future__ import annotations
@@ -27,6 +28,13 @@ PICTURES = {"/": ("intensity",), "/initial": ("initial", "phase")}
 
 TABLES = (("objects", "point"), ("mirrors", "mirror"))
 """Group and dimension of each table of a Reconstruction."""
+
+LACKING = "lacking"
+"""Name, among the attributes of a frame, of the columns that its tables lack, by group."""
+
+NEUTRAL = {"curvature": 0.0, "growth": 1.0}
+"""What columns hold for a frame that lacks them: its mirrors are flat, and widen no cell. Other numbers are NaN, and
+texts are empty."""
 
 
 def frame_count(obj: Any) -> int | None:
@@ -83,6 +91,7 @@ def _frame_of(recording: xr.DataTree, number: int) -> xr.DataTree:
     """One frame of the Reconstruction of a recording."""
     attributes = recording.dataset.get("attributes")
     own = {} if attributes is None else json.loads(str(attributes.values[number]))
+    lacking = own.pop(LACKING, {})
     nodes: dict[str, xr.Dataset] = {}
     for path, names in PICTURES.items():
         held = _node(recording, path)
@@ -94,7 +103,8 @@ def _frame_of(recording: xr.DataTree, number: int) -> xr.DataTree:
         table = recording.children[group].to_dataset(inherit=False)
         chosen = np.flatnonzero(table["frame"].values == number)
         first = int(chosen[0]) if chosen.size else 0
-        nodes[f"/{group}"] = _moved(table.isel({dimension: chosen}).drop_vars("frame"), -first)
+        table = table.isel({dimension: chosen}).drop_vars(["frame", *lacking.get(group, [])])
+        nodes[f"/{group}"] = _moved(table, -first)
     return xr.DataTree.from_dict(nodes)
 
 
@@ -164,25 +174,38 @@ def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) ->
     texts = [{name: json.dumps(value, default=lambda held: held.tolist()) for name, value in part.attrs.items()}
             for part in parts]  # fmt: skip
     shared = {name for name, text in texts[0].items() if all(one.get(name) == text for one in texts)}
-    own = [json.dumps({name: json.loads(text) for name, text in one.items() if name not in shared}) for one in texts]
+    own = [{name: json.loads(text) for name, text in one.items() if name not in shared} for one in texts]
     axes = {name: _joined([part.dataset[name].values for part in parts]) for name in ("y", "x")}
     nodes: dict[str, xr.Dataset] = {}
     for path, names in PICTURES.items():
         held = [name for name in names if all(name in _node(part, path) for part in parts)]
         pictures = [_on(_node(part, path)[held], axes) for part in parts]
         nodes[path] = xr.concat(pictures, "frame", combine_attrs="override")
-    nodes["/"] = nodes["/"].assign_coords(coords).assign(attributes=("frame", np.array(own, dtype=str)))
-    nodes["/"].attrs = {name: value for name, value in parts[0].attrs.items() if name in shared}
     for group, dimension in TABLES:
+        alone = [part.children[group].to_dataset(inherit=False) for part in parts]
+        columns = {name: table[name] for table in reversed(alone) for name in table.variables}
         tables, before = [], 0
-        for number, part in enumerate(parts):
-            table = part.children[group].to_dataset(inherit=False)
+        for number, table in enumerate(alone):
+            lacking = [name for name in columns if name not in table.variables]
+            if lacking:
+                own[number].setdefault(LACKING, {})[group] = lacking
             size = table.sizes.get(dimension, 0)
             frame = (dimension, np.full(size, number, dtype=np.int32))
-            tables.append(_moved(table, before).assign_coords(frame=frame))
+            neutral = {name: _neutral(columns[name], size) for name in lacking}
+            tables.append(_moved(table, before).assign(neutral).assign_coords(frame=frame))
             before += size
         nodes[f"/{group}"] = xr.concat(tables, dimension, combine_attrs="override")
+    attributes = np.array([json.dumps(one) for one in own], dtype=str)
+    nodes["/"] = nodes["/"].assign_coords(coords).assign(attributes=("frame", attributes))
+    nodes["/"].attrs = {name: value for name, value in parts[0].attrs.items() if name in shared}
     return xr.DataTree.from_dict(nodes)
+
+
+def _neutral(column: xr.DataArray, size: int) -> xr.Variable:
+    """A column of a table like `column`, with `size` rows, that tells nothing."""
+    unknown: Any = {"f": np.nan, "U": "", "O": ""}.get(column.dtype.kind, 0)
+    value = NEUTRAL.get(str(column.name), unknown)
+    return xr.Variable(column.dims, np.full((size, *column.shape[1:]), value, dtype=column.dtype), column.attrs)
 
 
 def _node(tree: xr.DataTree, path: str) -> xr.Dataset:
