@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -83,3 +86,17 @@ def test_frequencies_in_another_unit_are_told_once_and_with_the_file(
     message = capsys.readouterr().err
     assert said in message
     assert message.count(f"probably in {unit}") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", [["reconstruct", "both.nc", "-o", "out"], ["fold", "images.nc", "-o", "out.nc"]])
+@pytest.mark.parametrize(
+    ("name", "words"), [("p.vti", "there are 2 frames"), ("p.vts", "no volume of beams"), ("p.dxf", "need ezdxf")]
+)
+def test_an_export_that_cannot_be_made_is_refused_before_the_work(recording, monkeypatch, capsys, verb, name, words):
+    """It was refused at the end, when everything else was written, and nothing was said of that."""
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    before = sorted(Path().iterdir())
+    assert main([*verb, "--export", name]) == 2
+    assert words in capsys.readouterr().err
+    assert sorted(Path().iterdir()) == before

@@ -33,6 +33,7 @@ from mirrorfold.cli.results import (
     REPORT,
     SPACE,
     check_export,
+    check_exported,
     frames_kept,
     load_mirrors,
     load_plan,
@@ -155,6 +156,7 @@ def fold(
     focused = read(image, "image", "reconstruction")
     measured = None if sweep is None else read(sweep, "sweep")
     focused, measured = one_frame(frame, focused, measured)
+    check_exported(export, focused)
     chosen = {"preset": preset, **given}
     limited: dict[str, Any] = {} if memory_limit is None else {"memory_limit": memory_limit}
     with frames_kept(focused, output, inputs, chosen) as kept:
@@ -210,6 +212,8 @@ def reconstruct(
         show_forecast(forecast_sweep(sweep[0], given, frame, folded=True), json=json)
         return
     output = required(output, "results")
+    if export is not None and len(sweep) > 1:
+        raise InputError("--export names one file and there are several sweeps; export each with mirrorfold export")
     given |= {"preset": preset}
     extra = [path for path in (mirrors, plan) if path is not None]
     output_directory(output, names=NAMES if len(sweep) == 1 else (), inputs=[*sweep, *extra])
@@ -217,14 +221,14 @@ def reconstruct(
     known, walls = load_mirrors(mirrors), load_plan(plan)
 
     def work(path: Path, folder: Path) -> tuple[xr.DataTree, list[Path]]:
-        return _reconstruct_file(path, folder, given, mirrors=known, plan=walls, frame=frame, inputs=extra)
+        return _reconstruct_file(
+            path, folder, given, mirrors=known, plan=walls, frame=frame, inputs=extra, export=export
+        )
 
     if len(sweep) == 1:
         reconstruction, files = work(sweep[0], output)
         report_reconstruction(reconstruction, [*files, *write_export(reconstruction, export)], json=json)
         return
-    if export is not None:
-        raise InputError("--export names one file and there are several sweeps; export each with mirrorfold export")
     reconstruct_many(sweep, output, work, json=json)
 
 
@@ -237,6 +241,7 @@ def _reconstruct_file(
     plan: Any,
     frame: int | None,
     inputs: list[Path],
+    export: Path | None,
 ) -> tuple[xr.DataTree, list[Path]]:
     """Reconstruct the sweep in one file; returns the reconstruction and the files written to the directory `output`."""
     prepare_to_read(path)
@@ -247,6 +252,7 @@ def _reconstruct_file(
         reading, described = _read_beside(beside, path, given, frame)
         _ = mf.report, mf.plot.before_after  # imported while the other thread, which imports nothing, is at work
     measured = reading.result()
+    check_exported(export, measured)
     remark(described.result().remarks)  # remarks are printed before the work, which may take long
     with frames_kept(measured, output, [path, *inputs], given) as kept:
         with progress(f"reconstructing {path.name}") as report:

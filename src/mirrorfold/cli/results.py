@@ -204,7 +204,16 @@ def check_export(path: Path | None, inputs: Iterable[Path]) -> None:
         from mirrorfold.io.exports.results import check_export_path
 
         check_export_path(path, inputs=inputs)
+        check_exported(path, None)
         watch_for_overwriting([path])
+
+
+def check_exported(path: Path | None, source: Any) -> None:
+    """Refuse, before the work begins, an export that cannot hold what is made from `source`, or any reconstruction."""
+    if path is not None:
+        from mirrorfold.io.exports.results import check_can_hold
+
+        check_can_hold(path, source)
 
 
 def write_export(reconstruction: Any, path: Path | None) -> list[Path]:

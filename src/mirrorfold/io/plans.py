@@ -115,7 +115,7 @@ def as_plan(plan: Any) -> FloorPlan:
 
 def write_dxf(reconstruction: xr.DataTree, path: Path) -> None:
     """Write the plan of a reconstruction as DXF, in metres: mirrors, their images and points, each on a layer."""
-    ezdxf = _ezdxf(path)
+    ezdxf = load_ezdxf(path)
     document = ezdxf.new("R2010", units=6)
     for layer, colour in ((MIRRORS, 5), (IMAGES, 8), (POINTS, 3)):
         document.layers.add(layer, color=colour)
@@ -225,7 +225,7 @@ def _lines_of(item: dict[str, Any], layer: str) -> Iterator[tuple[str, Any]]:
 
 def _dxf(path: Path) -> Iterator[tuple[str, Array]]:
     """Layer, in small letters, and place of every line of a DXF file that is seen."""
-    ezdxf = _ezdxf(path)
+    ezdxf = load_ezdxf(path)
     from ezdxf import path as curves
 
     try:
@@ -275,7 +275,7 @@ def _along(curve: Any, outline: Any, layer: str, unit: float) -> Iterable[Any]:
     return outline.flattening(SAGITTA / unit)
 
 
-def _ezdxf(path: Path) -> Any:
+def load_ezdxf(path: Path) -> Any:
     """The library for DXF files.
 
     Raises

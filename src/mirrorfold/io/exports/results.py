@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -15,7 +15,7 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.facts import VOLUME
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import with_confident_points
-from mirrorfold.folding.frames import pick_frame
+from mirrorfold.folding.frames import frame_count, pick_frame
 from mirrorfold.io import plans
 from mirrorfold.io.exports import vtk
 from mirrorfold.io.exports.clouds import WRITERS, cloud_file, notes
@@ -75,12 +75,11 @@ def export(
         raise wrong_kind("export", obj, "a reconstruction or an image")
     else:
         obj = with_confident_points(check_reconstruction(obj), min_confidence)
+        check_can_hold(path, obj)
         if suffix == ".vti":
             obj = pick_frame(obj)
             pictures = {"corrected": obj.dataset["intensity"], "initial": obj.children["initial"].dataset["initial"]}
             content = vtk.picture_file(pictures)
-        elif suffix == ".vts":
-            raise InputError(f"{path}: a reconstruction holds no volume of beams; give the image, or a name in .vti")
         elif what == "mirrors":
             content = mirrors_file(obj)
         elif suffix in WRITERS:
@@ -99,12 +98,38 @@ def check_export_path(path: str | Path, *, inputs: Iterable[str | Path] = ()) ->
     Raises
     ------
     InputError
-        If its suffix is none of `FORMATS`, or as `mirrorfold.io.files.check_output`.
+        If its suffix is none of `FORMATS`, the library for it is absent, or as `mirrorfold.io.files.check_output`.
     """
     path = check_output(path, inputs=inputs)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path}: ends in {path.suffix!r}, expected one of {', '.join(FORMATS)}")
+    if path.suffix.lower() == ".dxf":
+        plans.load_ezdxf(path)
     return path
+
+
+def check_can_hold(path: Path, source: Any) -> None:
+    """Check that a file of this suffix can hold a reconstruction.
+
+    Parameters
+    ----------
+    path : path
+    source : xarray.DataTree, xarray.DataArray or xarray.Dataset
+        The reconstruction, or the image or sweep that it is made from.
+
+    Raises
+    ------
+    InputError
+        If the file is one of a volume, or of pictures while there are several frames.
+    """
+    if path.suffix.lower() == ".vts":
+        raise InputError(f"{path}: a reconstruction holds no volume of beams; give the image, or a name in .vti")
+    count = frame_count(source)
+    if path.suffix.lower() == ".vti" and count is not None and count > 1:
+        raise InputError(
+            f"{path}: holds pictures of one frame, and there are {count} frames, numbered from 0 to {count - 1}; "
+            "choose one with --frame N, in Python with mf.pick_frame(x, N)"
+        )
 
 
 def mirrors_file(reconstruction: xr.DataTree) -> bytes:
