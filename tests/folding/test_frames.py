@@ -271,3 +271,12 @@ def test_flat_mirrors_stay_flat_beside_frames_with_curved_ones(reconstruction, t
     assert len(read_plan(mf.export(joined, tmp_path / "plan.geojson")).lines) == 2
     for number, part in enumerate(parts):
         assert_same(mf.pick_frame(on_disk(joined, tmp_path / "all.nc"), number), on_disk(part, tmp_path / "one.nc"))
+
+
+@pytest.mark.parametrize("text", ["", "[1]", "{", '{"lacking": 3}'])
+def test_damaged_attributes_of_a_frame_are_a_sentence(reconstruction, text):
+    joined = join_frames([reconstruction] * 2, {})
+    joined.dataset = joined.to_dataset().assign(attributes=("frame", np.array(["{}", text])))
+    assert mf.pick_frame(joined, 0)["objects"].sizes["point"] == 5
+    with pytest.raises(mf.InputError, match=r"the attributes of frame 1.*; reconstruct again"):
+        mf.pick_frame(joined, 1)

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import finite, in_message, wrong_kind
+from mirrorfold.common.reading import parsed
 from mirrorfold.common.types import Array, Progress
 from mirrorfold.errors import InputError
 
@@ -90,8 +91,11 @@ def _asked(frame: int | None, count: int | None) -> int | None:
 def _frame_of(recording: xr.DataTree, number: int) -> xr.DataTree:
     """One frame of the Reconstruction of a recording."""
     attributes = recording.dataset.get("attributes")
-    own = {} if attributes is None else json.loads(str(attributes.values[number]))
-    lacking = own.pop(LACKING, {})
+    place, remedy = f"reconstruction: the attributes of frame {number}", "reconstruct again"
+    own = {} if attributes is None else parsed(str(attributes.values[number]), "JSON", place, remedy)
+    lacking = own.pop(LACKING, {}) if isinstance(own, dict) else None
+    if not isinstance(lacking, dict):
+        raise InputError(f"{place} are no JSON object of values by their names; {remedy}")
     nodes: dict[str, xr.Dataset] = {}
     for path, names in PICTURES.items():
         held = _node(recording, path)
@@ -103,7 +107,7 @@ def _frame_of(recording: xr.DataTree, number: int) -> xr.DataTree:
         table = recording.children[group].to_dataset(inherit=False)
         chosen = np.flatnonzero(table["frame"].values == number)
         first = int(chosen[0]) if chosen.size else 0
-        table = table.isel({dimension: chosen}).drop_vars(["frame", *lacking.get(group, [])])
+        table = table.isel({dimension: chosen}).drop_vars(["frame", *lacking.get(group, [])], errors="ignore")
         nodes[f"/{group}"] = _moved(table, -first)
     return xr.DataTree.from_dict(nodes)
 
