@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from moving_antenna import PATH, sweep_of_point
 from numpy.testing import assert_allclose
 
 import mirrorfold as mf
+from mirrorfold.detection import image_echoes
 from mirrorfold.detection.finding import find_echoes, see
 from mirrorfold.tree.explaining.outshone import outshone
 
@@ -72,7 +74,10 @@ def test_the_side_lobes_of_a_near_point_are_no_echoes():
 @pytest.mark.parametrize("seen_below", [0.06, 0.12])
 def test_the_ring_of_a_glint_that_part_of_the_path_sees_is_no_object(seen_below):
     view = see(mf.focus(sweep_of_point(POINT, seen_below=seen_below), **GRID))
-    echoes = find_echoes(view)
+    assert far_from(POINT, find_echoes(view).position, view).sum() < 5
+    # What would pass the limit for all directions is told once the tree is known.
+    with patch.object(image_echoes, "ring_floor", lambda view: np.zeros_like(view.amplitude)):
+        echoes = find_echoes(view)
     ring = far_from(POINT, echoes.position, view)
     assert ring.sum() > 50
     # The ring consists of circles about both ends of the part of the path that sees the glint.
@@ -94,3 +99,16 @@ def test_an_object_that_no_place_along_the_path_has_at_the_distance_of_the_glint
     weak = replace(lone, position=place[None], range=np.array([range_]), direction=np.array([view.column(u)]),
                    amplitude=lone.amplitude * 1e-3)  # fmt: skip
     assert not outshone(weak, view).any()
+
+
+def test_lobes_of_an_array_with_errors_are_no_echoes_and_a_wall_that_faces_it_is_one():
+    """Errors of phase make lobes like noise, at the range of the glint in all directions."""
+    sweep, rng = sweep_of_point(POINT), np.random.default_rng(0)
+    turned = sweep.assign(s=sweep["s"] * np.exp(0.25j * rng.standard_normal(sweep.sizes["position"])).astype("c8"))
+    view = see(mf.focus(turned, **GRID))
+    with patch.object(image_echoes, "ring_floor", lambda view: np.zeros_like(view.amplitude)):
+        assert far_from(POINT, find_echoes(view).position, view).sum() > 50
+    assert not far_from(POINT, find_echoes(view).position, view).any()
+    wall = np.abs(view.range[:, None] * np.sqrt(1.0 - view.u**2) - 1.0) < 0.5 * view.range_cell
+    limit = image_echoes.ring_floor(replace(view, amplitude=np.where(wall, 1.0, 0.0).astype(np.float32)))
+    assert limit.max() == 0.0

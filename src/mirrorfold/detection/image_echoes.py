@@ -44,6 +44,25 @@ def noise_floor(view: ImageView) -> Array:
     return noise_limit(sigma, raw.size) * spreading
 
 
+def ring_floor(view: ImageView) -> Array:
+    """Amplitude that the side lobes of imperfect arrays stay below, (nr, nu); zero for two long arrays.
+
+    Where only one array tells directions, each of its places sees the lobes of a bright echo at the same distance in
+    all directions. They are as high as gaps and errors make them: nobody knows them before. They are told from echoes
+    by the median over all directions, which no wall fills: one that faces the radar is a range cell deep up to
+    ``u = sqrt(2 range_cell / range)``. Where such a wall would fill half of the image, there is no limit.
+    """
+    floor = np.zeros_like(view.amplitude)
+    if not view.one_way:
+        return floor
+    facing, seen = 2.0 * np.sqrt(2.0 * view.range_cell / view.range), float(np.ptp(view.u))
+    factor = np.where(facing < 0.5 * seen, noise_limit(1.0, round(seen / view.u_cell)) / RAYLEIGH_MEDIAN, 0.0)
+    for place in view.places_along:
+        ring = factor * np.median(view.from_along(place).amplitude, axis=1)
+        np.maximum(floor, ring[view.row(view.distance_along(place))], out=floor)
+    return floor
+
+
 def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Array | None = None) -> Echoes:
     """Echoes on the ridges of the image: local maxima above the noise, the side lobes, and the threshold.
 
@@ -53,6 +72,7 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
     amplitude = view.amplitude
     quiet, floor = noise_floor(view), view.side_lobes * ratio_of(SIDE_LOBE_MARGIN_DB)
     np.maximum(quiet[:, None], floor, out=floor)
+    np.maximum(ring_floor(view), floor, out=floor)
     above = amplitude > floor
     reference = _reference(np.max(amplitude, axis=0, initial=0.0, where=above), quiet, threshold_db)
     threshold = reference * ratio_of(threshold_db)
