@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 
 import numpy as np
@@ -127,6 +128,14 @@ def wanders(image, sweep):
     print("where am I?")
     os.chdir("/")
     np.seterr(all="raise")
+    return {"points": []}
+
+
+def shouts(image, sweep):
+    """Print past Python's stdout, as compiled code and other programs do."""
+    os.write(1, b"compiled\n")
+    print("held back", file=sys.__stdout__)
+    subprocess.run([sys.executable, "-c", "print('program')"], check=True)
     return {"points": []}
 
 

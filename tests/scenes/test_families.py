@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -139,8 +140,45 @@ def test_every_family_says_what_it_is():
         ({"name": ""}, "family: name"),
         ({"make": None}, "make: got None"),
         ({"options": None}, "options: got None"),
+        ({"options": {"seed": 3}}, "options hold seed, which a benchmark sets"),
+        ({"snr_db": "20"}, "snr_db is '20', expected a number of decibels"),
+        ({"polarization": "VV"}, "polarization is 'VV', expected one of TE, TM, both"),
+        ({"curved": "no"}, "curved is 'no', expected True or False"),
+        ({"radar": 300}, "radar: got the number 300"),
     ],
 )
 def test_families_that_no_scene_can_be_drawn_from_are_refused(changed, said):
     with pytest.raises(InputError, match=said):
         replace(FAMILIES["empty"], **changed)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"name": None}, "radar: name: got None"),
+        ({"array": {}}, "radar '300 GHz': has neither an array nor a scanner"),
+        ({"scanner": RADARS["scanner"].scanner}, "radar '300 GHz': has both an array and a scanner"),
+    ],
+)
+def test_radars_that_are_none_are_refused(changed, said):
+    with pytest.raises(InputError, match=said):
+        replace(RADARS["300 GHz"], **changed)
+
+
+def test_a_function_without_a_name_makes_scenes_too():
+    made_by = replace(FAMILIES["two walls"], make=partial(FAMILIES["two walls"].make, material="glass"))
+    scene = draw(made_by, np.int64(3))
+    assert {surface.material for surface in scene.surface[:2]} == {"glass"}
+    assert scene == draw(made_by, 3)
+
+
+def test_a_surface_without_a_name_need_not_be_hidden():
+    family = Family(name="unnamed", what="", engine="rays", make=lambda random, radar: [wall("", (0.0, 1.0), 0.0, 1.0)])
+    assert len(draw(family).surface) == 1
+
+
+def test_a_radar_that_sees_too_little_is_told_from_a_family_that_is_impossible(monkeypatch):
+    monkeypatch.setattr(families.drawing, "DRAWS", 20)
+    near = replace(RADARS["300 GHz"], name="near", band={"start": 290e9, "stop": 300e9, "points": 31})
+    with pytest.raises(InputError, match="radar 'near' cannot see family 'two walls': in each of 20 draws"):
+        draw("two walls", radar=near)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,10 @@ from mirrorfold.reconstruction import fold
 
 Method = Callable[[xr.DataArray, xr.Dataset | None], Any]
 """Function that is called as ``method(image, sweep)``; see `as_reconstruction` for what it may return."""
+
+
+STDOUT, STDERR = 1, 2
+"""Handles of the standard streams."""
 
 
 def ours(image: xr.DataArray, sweep: xr.Dataset | None) -> xr.DataTree:
@@ -42,6 +47,29 @@ def opaque(image: xr.DataArray, sweep: xr.Dataset | None) -> xr.DataTree:
 
 OWN: dict[str, Method] = {"ours": ours, "flat": flat, "opaque": opaque, "published": published}
 """The methods of this package, by name."""
+
+
+@contextmanager
+def output_to_stderr() -> Iterator[None]:
+    """Send to stderr what foreign code, and the programs that it starts, write to stdout, which may be JSON."""
+    with ExitStack() as undo:
+        undo.enter_context(redirect_stdout(sys.stderr))
+        # Compiled code and other programs write to the handles, which are closed in a process without a terminal.
+        with suppress(OSError):
+            kept = os.dup(STDOUT)
+            undo.callback(os.close, kept)
+            _flush_stdout()
+            os.dup2(STDERR, STDOUT)
+            undo.callback(os.dup2, kept, STDOUT)
+            undo.callback(_flush_stdout)
+        yield
+
+
+def _flush_stdout() -> None:
+    """Write out what Python holds back for the handle of stdout."""
+    if sys.__stdout__ is not None:
+        with suppress(OSError, ValueError):  # ValueError: it is closed
+            sys.__stdout__.flush()
 
 
 def load_method(name: str) -> Method:
@@ -70,7 +98,7 @@ def load_method(name: str) -> Method:
     if here not in sys.path:
         sys.path.append(here)
     try:
-        with redirect_stdout(sys.stderr):  # stdout may be JSON
+        with output_to_stderr():
             module = importlib.import_module(module_name)
     except (Exception, SystemExit) as error:  # a foreign module may raise anything when it is imported
         raise InputError(

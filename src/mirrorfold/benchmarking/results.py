@@ -125,7 +125,7 @@ def _parsed(text: str) -> tuple[Line | None, bool | None]:
         items = json.loads(text)
         digest = items.pop(DIGEST, None)
         line = _LINE.validate_json(json.dumps(items))
-    except (ValueError, AttributeError, TypeError):  # pydantic's errors are ValueErrors
+    except (ValueError, AttributeError, TypeError, RecursionError):  # pydantic's errors are ValueErrors
         return None, False
     return line, None if digest is None else digest == _digest(items)
 

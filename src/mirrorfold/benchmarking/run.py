@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -15,15 +16,26 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mirrorfold.benchmarking.methods import load_method
+from mirrorfold.benchmarking.methods import load_method, output_to_stderr
 from mirrorfold.benchmarking.results import FILE, Key, append, key, open_results
 from mirrorfold.benchmarking.scenes import Line, Task, judge, scene_digest
 from mirrorfold.benchmarking.summaries import Benchmark, summarise
-from mirrorfold.common.arguments import in_message, listed, path_of, wrong_kind
+from mirrorfold.common.arguments import in_message, listed, path_of, whole_number, wrong_kind
 from mirrorfold.common.signals import leave_to_parent, start_tracker
 from mirrorfold.common.threads import cpu_count
 from mirrorfold.errors import EndedError, InputError
-from mirrorfold.scenes.families import FAMILIES, Family, Radar, draw, family_named, radar_named, radars_of
+from mirrorfold.scenes.families import (
+    FAMILIES,
+    Family,
+    Radar,
+    draw,
+    family_named,
+    is_of_its_kind,
+    radar_named,
+    radars_of,
+    wrong_kind_of_radar,
+)
+from mirrorfold.scenes.families.drawing import reaches, sees_too_little
 
 if TYPE_CHECKING:
     from mirrorfold.common.types import Progress
@@ -66,7 +78,7 @@ def benchmark(
         Folder that keeps the simulated sweeps, for another run on the same scenes.
     jobs : int
         Number of scenes at a time, each in a process of its own. With more than one, a script needs
-        ``if __name__ == "__main__":``.
+        ``if __name__ == "__main__":``, and families of your own functions of a module.
     progress : callable (done, total), optional
         Called as scenes are done.
 
@@ -79,16 +91,19 @@ def benchmark(
     Raises
     ------
     InputError
-        If a name is not known, a method cannot be imported, or there is nothing to do.
+        If a name is not known, a method cannot be imported, a radar sees no hidden object of a family, or there is
+        nothing to do.
     """
     tasks = _tasks(families, radars, methods, seeds)
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
-        raise InputError(f"jobs is {in_message(jobs)}, expected a whole number of at least 1")
+    jobs = whole_number("jobs", jobs, lowest=1)
+    if jobs > 1:
+        _expect_sendable(tasks)
     output = None if output is None else path_of("output", output, "the path of a folder")
     sweeps = None if sweeps is None else path_of("sweeps", sweeps, "the path of a folder")
     for folder in (output, sweeps):
         if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
             raise InputError(f"{folder}: is no folder; give the path of one")
+    for folder in (output, sweeps):
         if folder is not None:
             Path(folder).mkdir(parents=True, exist_ok=True)
     file = None if output is None else Path(output) / FILE
@@ -158,7 +173,25 @@ def _tasks(
     ]
     if not tasks or not names:
         raise InputError("benchmark: has no family, radar, method or seed; give at least one of each")
+    for family, radar in {(task.family.name, task.radar.name): (task.family, task.radar) for task in tasks}.values():
+        far_enough = True  # if the family raises an error, it is reported when its scene is tried
+        with suppress(Exception, SystemExit), output_to_stderr():
+            far_enough = reaches(family, tasks[0].seed, radar)
+        if not far_enough:
+            raise sees_too_little(family, radar)
     return tasks
+
+
+def _expect_sendable(tasks: list[Task]) -> None:
+    """Refuse families that cannot be sent to other processes, such as those that are made by a lambda."""
+    for family in {task.family.name: task.family for task in tasks}.values():
+        try:
+            pickle.dumps(family)
+        except Exception as error:  # what cannot be pickled may raise anything
+            raise InputError(
+                f"family {family.name!r}: cannot be sent to another process ({error}); make it by a function of a "
+                "module, or give jobs=1"
+            ) from None
 
 
 Named = TypeVar("Named", Family, Radar)
@@ -174,14 +207,10 @@ def _first_of_each_name(given: Iterable[Named]) -> list[Named]:
 
 def _radars(family: Family, chosen: list[Radar] | None) -> list[Radar]:
     """The radars that see a family: its own or usual one, or those of the chosen ones that can."""
-    if chosen is None or family.radar is not None:
-        return radars_of(family)[:1]
-    suitable = [radar for radar in chosen if bool(radar.scanner) == (family.engine == "raster")]
-    if not suitable:
-        raise InputError(
-            f"radar {chosen[0].name!r} cannot see family {family.name!r}, expected one of: "
-            f"{', '.join(radar.name for radar in radars_of(family))}"
-        )
+    seen_by = radars_of(family)[:1] if chosen is None or family.radar is not None else chosen
+    suitable = [radar for radar in seen_by if is_of_its_kind(radar, family)]
+    if seen_by and not suitable:
+        raise wrong_kind_of_radar(seen_by[0], family)
     return suitable
 
 
@@ -192,8 +221,8 @@ def _succeeded(tasks: list[Task], done: dict[Key, Line]) -> set[Key]:
         keys = {_key(task, method) for method in task.methods}
         scored = {name for name in keys & done.keys() if done[name].error is None}
         if scored:
-            digest = None
-            with suppress(Exception):  # if the family raises an error, it is reported when its scene is tried
+            digest = None  # if the family raises an error, it is reported when its scene is tried
+            with suppress(Exception, SystemExit), output_to_stderr():
                 digest = scene_digest(task, draw(task.family, task.seed, radar=task.radar))
             same = {name for name in scored if done[name].scene == digest}
             found |= same

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import re
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import chdir, contextmanager, redirect_stdout
+from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold import __version__
-from mirrorfold.benchmarking.methods import as_reconstruction, load_method
+from mirrorfold.benchmarking.methods import as_reconstruction, load_method, output_to_stderr
 from mirrorfold.common.parts import is_sealed, seal
 from mirrorfold.common.records import LEFT_OUT, Record, fact
 from mirrorfold.errors import InputError, shortened
@@ -69,6 +68,7 @@ class Task:
     sweeps: Path | None = None
 
 
+@output_to_stderr()
 def judge(task: Task) -> list[Line]:
     """The line of every method on one scene; an error is reported in the line."""
     seconds: dict[str, float] = {}
@@ -117,8 +117,8 @@ def _judged(
 
 @contextmanager
 def _isolated() -> Iterator[None]:
-    """Send a method's output to stderr, as stdout may be JSON; then restore the folder and NumPy's error state."""
-    with chdir("."), np.errstate(), redirect_stdout(sys.stderr):
+    """Restore the folder and NumPy's error state after a method."""
+    with chdir("."), np.errstate():
         yield
 
 

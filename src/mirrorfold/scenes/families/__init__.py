@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, TypeVar
 
-from mirrorfold.common.arguments import in_message, wrong_kind
+from mirrorfold.common.arguments import in_message, whole_number, wrong_kind
 from mirrorfold.errors import InputError
 from mirrorfold.scenes.families import curved, glass, raster, raster_round, raster_studs, rays, wave_mirrors, waves
 from mirrorfold.scenes.families.drawing import scene_of
@@ -55,24 +55,29 @@ def draw(family: str | Family, seed: int = 0, *, radar: str | Radar | None = Non
     ['wall 1', 'wall 2']
     """
     chosen = family if isinstance(family, Family) else family_named(family)
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise InputError(f"seed is {in_message(seed)}, expected a whole number of at least 0")
-    if radar is None:
-        return scene_of(chosen, seed, radars_of(chosen)[0])
-    seen_by = radar if isinstance(radar, Radar) else radar_named(radar)
-    if bool(seen_by.scanner) != (chosen.engine == "raster"):
-        raise InputError(
-            f"radar {seen_by.name!r} cannot see family {chosen.name!r}: scenes of {chosen.engine} are for one of "
-            f"{', '.join(other.name for other in radars_of(chosen))}"
-        )
+    seed = whole_number("seed", seed)
+    seen_by = radars_of(chosen)[0] if radar is None else radar if isinstance(radar, Radar) else radar_named(radar)
+    if not is_of_its_kind(seen_by, chosen):
+        raise wrong_kind_of_radar(seen_by, chosen)
     return scene_of(chosen, seed, seen_by)
+
+
+def is_of_its_kind(radar: Radar, family: Family) -> bool:
+    """Whether a radar is a scanner for a family of raster scans, or an array for others."""
+    return bool(radar.scanner) == (family.engine == "raster")
+
+
+def wrong_kind_of_radar(radar: Radar, family: Family) -> InputError:
+    """The error for a scanner where an array is needed, or the other way round."""
+    suitable = ", ".join(other.name for other in RADARS.values() if is_of_its_kind(other, family))
+    return InputError(f"radar {radar.name!r} cannot see family {family.name!r}, expected one of: {suitable}")
 
 
 def radars_of(family: Family) -> list[Radar]:
     """The radars that can see the scenes of a family, the default one first."""
     if family.radar is not None:
         return [family.radar if isinstance(family.radar, Radar) else radar_named(family.radar)]
-    return [radar for radar in RADARS.values() if bool(radar.scanner) == (family.engine == "raster")]
+    return [radar for radar in RADARS.values() if is_of_its_kind(radar, family)]
 
 
 def family_named(name: str) -> Family:

@@ -8,10 +8,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from mirrorfold.common.arguments import one_of, whole_number, wrong_kind
+from mirrorfold.common.arguments import boolean, number, one_of, whole_number, wrong_kind
+from mirrorfold.errors import InputError
 from mirrorfold.scenes.families.radars import Radar
 
 Engine = Literal["rays", "fullwave", "raster"]
+
+OWN = "solver", "seed", "snr_db"
+"""Options of `mirrorfold.simulate` that a benchmark sets by itself: other values would be those of every scene."""
 
 Surface = dict[str, Any]
 """A surface as a scene file states it: ``{"name": ..., "kind": ..., ...}``."""
@@ -44,7 +48,7 @@ class Family:
     polarization : {"TE", "TM", "both"}, default "TE"
         Polarization of the radar.
     options : dict
-        Further options of `mirrorfold.simulate`.
+        Further options of `mirrorfold.simulate`, not solver, seed and snr_db.
     """
 
     name: str
@@ -66,5 +70,16 @@ class Family:
         whole_number(f"family {self.name!r}: bounces", self.bounces, lowest=0)
         if not callable(self.make):
             raise wrong_kind(f"family {self.name!r}: make", self.make, "a function make(random, radar)", reader="")
+        if self.snr_db is not None:
+            number(f"family {self.name!r}: snr_db", self.snr_db, "dB")
+        if not isinstance(self.radar, str | Radar | None):
+            raise wrong_kind(f"family {self.name!r}: radar", self.radar, "the name of a radar, or a Radar", reader="")
+        boolean(f"family {self.name!r}: curved", self.curved)
+        one_of(f"family {self.name!r}: polarization", self.polarization, ("TE", "TM", "both"))
         if not isinstance(self.options, dict):
             raise wrong_kind(f"family {self.name!r}: options", self.options, "a dict of options of simulate", reader="")
+        if own := [name for name in OWN if name in self.options]:
+            raise InputError(
+                f"family {self.name!r}: options hold {', '.join(own)}, which a benchmark sets from the engine, the "
+                "scene's seed and the snr_db of the family; leave them out"
+            )

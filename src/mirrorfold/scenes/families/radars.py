@@ -11,6 +11,9 @@ from typing import Any
 
 from scipy.constants import speed_of_light
 
+from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.errors import InputError
+
 Content = dict[str, Any]
 
 
@@ -34,6 +37,15 @@ class Radar:
     band: Content
     array: Content = field(default_factory=dict)
     scanner: Content = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what would be taken for another kind of radar; the entries are checked as those of a scene file."""
+        if not isinstance(self.name, str) or not self.name:
+            raise wrong_kind("radar: name", self.name, "a text that is not empty", reader="")
+        if bool(self.array) == bool(self.scanner):
+            which = "both" if self.array else "neither"
+            raise InputError(f"radar {self.name!r}: has {which} an array {'and' if self.array else 'nor'} a scanner, "
+                             "expected one of them")  # fmt: skip
 
     @property
     def cell(self) -> float:
