@@ -88,7 +88,7 @@ class Calls:
             "make_monostatic_sweep": {"s": s[:, 0], "frequency": frequency, "antenna_position": places},
             "make_raster_sweep": {"s": s[:, :3, :2], **beams},
             "check_sweep": sweep,
-            "join_polarizations": {"sweeps": {"TE": self.sweep, "TM": self.sweep}},
+            "join_polarizations": {"sweeps": {"TE": self.sweep, "TM": self.sweep.assign(s=-self.sweep["s"])}},
             "add_noise": {**sweep, "snr_db": 3.0, "seed": 0},
             "plan": {"band": (290e9, 300e9), "points": 101, "aperture": 0.01, "pitch": 5e-4, "range": 1.0},
             "info": {"obj": self.sweep},

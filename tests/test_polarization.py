@@ -138,6 +138,8 @@ def test_what_is_wrong_with_polarizations_is_said(both):
         join_polarizations({"TE": te, "TM": tm.isel(frequency=slice(0, 50))})
     with pytest.raises(InputError, match="places of their transmitters"):
         join_polarizations({"TE": te, "TM": tm.assign_coords(tx_position=tm["tx_position"] + 0.01)})
+    with pytest.raises(InputError, match="TE and TM are equal in every sample"):  # one file, named twice
+        join_polarizations({"TE": te, "TM": te})
     with pytest.raises(InputError, match="swap them"):
         join_polarizations({"TE": tm, "TM": te})
     with pytest.raises(InputError, match="speed of their waves"):

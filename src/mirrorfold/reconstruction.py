@@ -42,7 +42,7 @@ from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD, FocusSettings
 from mirrorfold.folding.collection import collect
 from mirrorfold.folding.confidence import with_confidence
 from mirrorfold.folding.earlier import initial_image, kept_measurements
-from mirrorfold.folding.frames import each_frame, frame_count
+from mirrorfold.folding.frames import check_finished, each_frame, frame_count
 from mirrorfold.folding.gaps import close_gaps
 from mirrorfold.folding.memory import fold_parts
 from mirrorfold.folding.pictures import Grid
@@ -92,6 +92,7 @@ def reconstruct(
     InputError
         If the sweep or a setting cannot be used.
     """
+    check_finished(finished)
     if frame_count(sweep) is not None:  # `focus` keeps its plan from one frame to the next
         fold_frame = partial(reconstruct, tolerance=tolerance, mirrors=mirrors, preset=preset, **given)
         return each_frame(check_sweep(sweep), fold_frame, finished, progress)
@@ -158,6 +159,7 @@ def fold(
     InputError
         If the image or a setting cannot be used.
     """
+    check_finished(finished)
     if frame_count(image) is not None:
         if sweep is not None and frame_count(sweep) != frame_count(image):
             raise InputError(

@@ -108,6 +108,23 @@ def test_a_recording_of_no_frame_is_refused():
         mf.fold(image)
 
 
+@pytest.mark.parametrize(
+    ("finished", "said"),
+    [
+        ("out", "finished: got the text 'out', expected a dict for the frames of a recording that are done"),
+        (3, "finished: got the number 3"),
+        ({0: "frame.nc"}, "finished: frame 0: got the text 'frame.nc', expected its reconstruction"),
+    ],
+)
+def test_what_keeps_no_frames_is_refused_for_single_images_too(finished, said):
+    axis = np.arange(8.0)
+    image = xr.DataArray(np.zeros((8, 8)), dims=("y", "x"), coords={"y": axis, "x": axis})
+    with pytest.raises(InputError, match=said):
+        mf.fold(image, finished=finished)
+    with pytest.raises(InputError, match=said):
+        mf.reconstruct(xr.Dataset(), finished=finished)
+
+
 def test_each_frame_is_worked_on_once_with_what_stands_beside_it(reconstruction):
     images = xr.DataArray(
         np.arange(6.0).reshape(3, 2), dims=("frame", "x"), coords={"time": ("frame", [1.0, 2.0, 3.0])}

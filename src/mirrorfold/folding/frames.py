@@ -165,6 +165,21 @@ def each_frame(
     return join_frames([kept[number] for number in range(count)], coords)
 
 
+def check_finished(finished: Any) -> None:
+    """Refuse what can keep no frames, also where there is no recording.
+
+    Raises
+    ------
+    InputError
+        If it is neither None nor a mutable mapping, or a dict that holds something else than reconstructions.
+    """
+    if not isinstance(finished, MutableMapping | None):
+        raise wrong_kind("finished", finished, "a dict for the frames of a recording that are done", reader="")
+    for number, kept in finished.items() if isinstance(finished, dict) else ():
+        if not isinstance(kept, xr.DataTree):
+            raise wrong_kind(f"finished: frame {number}", kept, "its reconstruction (xarray.DataTree)")
+
+
 def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) -> xr.DataTree:
     """The Reconstructions of all frames as one.
 
