@@ -72,6 +72,18 @@ def test_a_short_row_is_a_mirror_if_what_it_shows_outshines_it():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("level", "is_mirror"), [(12.0, True), (-6.0, False)])
+def test_a_long_faint_row_is_a_mirror_if_what_it_shows_outshines_it(level, is_mirror):
+    """A smooth wall at a slant, 20 dB below a rough one beside it that faces the radar."""
+    places, amplitudes = wall(14.0)
+    shown = [(at, 0.1 * amplitude) for at, amplitude in objects(level)]
+    beside = diffuse((-0.3, 0.8), (0.0, 0.72), 3, 2.0)
+    first, found, *_ = steps_2_to_4((places, 0.1 * amplitudes), *shown, beside)
+    assert not any(abs(float(mirror.beside(MIDDLE))) < 0.01 for mirror in mirrors_of(first))
+    assert any(abs(float(mirror.beside(MIDDLE))) < 0.01 for mirror in mirrors_of(found)) == is_mirror
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("is_corner", [False, True, None])
 def test_a_row_that_ends_at_the_vertex_of_a_corner_is_no_mirror(is_corner):
     """Behind the vertex, what goes to and fro outshines the row as objects do that a mirror shows.

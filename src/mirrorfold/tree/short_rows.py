@@ -1,15 +1,16 @@
-"""Short mirrors: rows of echoes that are too short to be mirrors by themselves, but outshone by echoes behind them.
+"""Short and faint mirrors: rows of echoes that are none by themselves, but that echoes behind them outshine.
 
 Half of a wall is often hidden, by an object before it or beyond the end of the mirror that shows it. The row that is
-left says too little about the wall's direction, and may be as short as the flat side of an object. But a mirror is
-smoother than what it shows: echoes behind it are brighter than those of its own face. Multiple scattering behind an
-object never is, except behind a small corner: its vertex is so bright that what goes to and fro between the corner and
-a wall outshines the corner's legs.
+left says too little about the wall's direction, and may be as short as the flat side of an object. A smooth wall at a
+slant is faint all along, beside whatever faces the radar. But a mirror is smoother than what it shows: echoes behind it
+are brighter than those of its own face. Multiple scattering behind an object never is, except behind a small corner:
+its vertex is so bright that what goes to and fro between the corner and a wall outshines the corner's legs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -76,6 +77,8 @@ def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
 def short_rows(found: Found, view: ImageView, shortest: float, corners: Corners | None = None) -> list[Mirror]:
     """Straight rows of echoes that are all seen by way of the same mirrors, and lie on no known mirror.
 
+    In line of sight, rows of faint echoes are among them, if they are long.
+
     Rows with the vertex of a corner at an end are left out: they are its legs. It is the brightest place of such a row.
     Without `corners`, every place at an end that is bright enough counts as a vertex.
     """
@@ -87,7 +90,11 @@ def short_rows(found: Found, view: ImageView, shortest: float, corners: Corners 
     rows = list[Mirror]()
     for index in np.unique(own[own >= ROOT]):
         if index == ROOT or not any_curved(by_chain[sight.chain[index]]):
-            rows += find_lines(echoes.take(own == index), view, minimum_length=shortest)
+            some = echoes.take(own == index)
+            rows += find_lines(some, view, minimum_length=shortest)
+            if index == ROOT:  # faint rows, as long as other mirrors
+                some = replace(some, strong=np.ones(len(some), dtype=bool))
+                rows += find_lines(some, view, minimum_length=MINIMUM_CELLS / SHORTEST_CELLS * shortest)
     rows = [row for row in rows if row.fill >= SMALLEST_FILL]
     vertex = bright_places(rows, view)
     if corners is not None and len(vertex):
