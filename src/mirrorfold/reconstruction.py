@@ -13,7 +13,7 @@ depend on each other, so these steps are repeated in turn until nothing changes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -51,9 +51,10 @@ from mirrorfold.folding.settings import PRESETS, FoldSettings
 from mirrorfold.io.plans import is_plan, read_plan
 from mirrorfold.sweep import check_sweep, is_monostatic, is_raster
 from mirrorfold.sweep.polarization import polarizations, polarized
+from mirrorfold.tree.half_transparent.exchanged import exchanged, seen_behind_walls
 from mirrorfold.tree.kinds import find_every_kind
 from mirrorfold.tree.measured import Measured, Measurer, measured_by_sweep, no_measurements
-from mirrorfold.tree.rounds import agreed, found_and_ordered
+from mirrorfold.tree.rounds import agreed, find_tree, found_and_ordered
 
 
 @takes(FocusSettings, FoldSettings)
@@ -201,6 +202,7 @@ class FoldPlan:
         # None of these caches refers to the plan: an image of hundreds of megabytes is freed as soon as its plan is.
         self._echoes = lru_cache(1)(partial(_find_echoes, self._view))
         self._wall_echoes = lru_cache(1)(partial(_find_walls, self._view, self._echoes))
+        self._exchanged = lru_cache(1)(partial(_exchanged, self._polarizations))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as its image and its sweep: the plan is made anew from them."""
@@ -286,7 +288,8 @@ class FoldPlan:
         if settings.close_gaps and isinstance(view, ImageView):
             points = close_gaps(points, found.tree, view)
         result = collect(self.image, found, points, settings, grid=grid, given=count, from_above=from_above)
-        result.attrs["remark"] = "; ".join(filter(None, (result.attrs["remark"], untested)))
+        names = "" if known is not None or from_above is not None else self._exchanged(settings)
+        result.attrs["remark"] = "; ".join(filter(None, (result.attrs["remark"], untested, names)))
         result.attrs |= {"preset": preset, "mirrors_given": by_hand is not None, **measured.corner_attrs()}
         report(3, 3)
         return result
@@ -302,6 +305,22 @@ class FoldPlan:
             return self._measure(view).noted(), ""
         off = f"the image lies {abs(view.height):.3g} m off the plane of the antennas: echoes are not tested"
         return Measured(), "" if self._sweep is None else off
+
+
+def _exchanged(images: Mapping[str, xr.DataArray], settings: FoldSettings) -> str:
+    """A remark if the images of TE and TM in a floor plan have each other's name, "" if not."""
+    if not (images and settings.transparent and settings.opaque):
+        return ""
+    view = see(images["TM"], normalization=settings.normalization)
+    if not isinstance(view, ImageView):
+        return ""
+    echoes = find_echoes(view, threshold_db=settings.threshold_db)
+    if not exchanged(seen_behind_walls(find_tree(view, echoes, settings), view, images)):
+        return ""
+    return (
+        "TE and TM seem to be exchanged, for no wall reflects TM more than TE; join the sweeps in the other order, TE "
+        "is E along the vertical axis"
+    )
 
 
 Given = Array | FloorPlan | None

@@ -66,6 +66,14 @@ def test_door_shows_the_corner_and_lets_the_arc_be_seen(seen, plan, folded):
     assert score.hidden.f_score_cells >= 0.85
 
 
+def test_exchanged_polarizations_are_told(seen, folded):
+    image = seen[2]
+    other = image.isel(polarization=[1, 0]).assign_coords(polarization=image["polarization"])
+    said = "TE and TM seem to be exchanged"
+    assert said in mf.fold(other).attrs["remark"]
+    assert said not in folded.attrs["remark"]
+
+
 def test_doors_that_only_what_stands_behind_them_tells_are_asked_too(seen, monkeypatch):
     scene, sweep, image = seen
     monkeypatch.setattr(lines, "MINIMUM_CELLS", 30.0)  # 0.94 m, longer than the door

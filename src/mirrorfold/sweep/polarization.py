@@ -91,12 +91,12 @@ def join_polarizations(sweeps: Mapping[str, xr.Dataset]) -> xr.Dataset:
                 f"sweeps: {names[0]} and {name} differ in {what}; measure both with the same frequencies and antennas, "
                 "or resample one"
             )
-    if len(names) == 2 and sweeps["TE"]["s"].values.any() and np.array_equal(*(sweeps[n]["s"].values for n in names)):
+    conjugated = [sweeps[name].attrs.get("time_convention") == CONJUGATED for name in names]
+    parts = [sweeps[name]["s"].values for name in names]
+    if len(parts) == 2 and parts[0].any() and np.array_equal(parts[0], parts[1]):
         raise InputError(
             "sweeps: TE and TM are equal in every sample, which no two measurements are; give the sweep of each"
         )
-    conjugated = [sweeps[name].attrs.get("time_convention") == CONJUGATED for name in names]
-    parts = [sweeps[name]["s"].values for name in names]
     values = np.stack([np.conj(part) if turned else part for part, turned in zip(parts, conjugated, strict=True)])
     joined = (
         first.drop_vars("s")

@@ -11,6 +11,7 @@ from through_slabs import delay, shift
 from mirrorfold.common.slabs import POLARIZATIONS, slab
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import ImageView
+from mirrorfold.tree.half_transparent.exchanged import exchanged
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane
 from mirrorfold.tree.half_transparent.transparent import AGAINST_METAL, EVIDENCE, agreed_odds, incidence, placed
 
@@ -61,6 +62,34 @@ def test_a_mirror_of_metal_is_no_window():
     # Nor one whose objects prefer one polarization by a decibel.
     pane = find_pane(Pairs(wave, 0.9 * wave, angle, K, level, 5.0, 0.025))
     assert pane.against_metal < 5.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("low", [30.0, 45.0])
+@pytest.mark.parametrize("every", [1, 3, 100])
+def test_exchanged_names_are_noticed(low, every):
+    """Whether all echoes passed, every third, or a single one."""
+    angle = np.radians(np.linspace(low, low + 20.0, 24))
+    pairs = echoes(np.arange(24) % every == 0, angle)
+    assert not exchanged([pairs])
+    assert exchanged([swapped(pairs)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("prefer_db", [-2.0, 0.0, 2.0])
+def test_metal_and_small_angles_do_not_tell_the_names(prefer_db):
+    random = np.random.default_rng(1)
+    wave = random.standard_normal((24, K.size, 2)) @ np.array([1.0, 1.0j])
+    ratio = 10.0 ** ((prefer_db + random.standard_normal((24, 1))) / 20.0)
+    angle = np.radians(np.linspace(20.0, 60.0, 24))
+    assert not exchanged([Pairs(wave, -ratio * wave, angle, K, np.full(24, 1e-4), 5.0, 0.025)])
+    nearly_normal = echoes(np.arange(24) % 3 == 0, np.radians(np.linspace(0.0, 8.0, 24)))
+    assert not exchanged([nearly_normal, swapped(nearly_normal)])
+    assert not exchanged([])
+
+
+def swapped(pairs):
+    return replace(pairs, te=pairs.tm, tm=pairs.te)
 
 
 @pytest.mark.slow

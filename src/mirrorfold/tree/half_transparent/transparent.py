@@ -126,7 +126,7 @@ def find_transparent(
     walls : (n,) bool array, optional
         With given mirrors: which of `every` are of walls.
     """
-    tested = (look_through(found, view, images, *each) for each in _flat_walls(found))
+    tested = (look_through(found, view, images, *each) for each in flat_walls(found))
     passed_by = [wall for wall in tested if wall is not None and (wall.pane is not None or len(wall.echoes))]
     return taken_out(found, passed_by, view, every, full_pass, walls)
 
@@ -138,7 +138,7 @@ def with_doubts(found: Found, view: View, images: Mapping[str, xr.DataArray]) ->
     count as before.
     """
     walls = {id(wall.mirror): wall for wall in found.transparent_walls}
-    for index, mirror in _flat_walls(found):
+    for index, mirror in flat_walls(found):
         wall, echoes = walls.get(id(mirror)), echoes_behind(found, view, index)
         if wall is not None:
             echoes = echoes.joined(wall.echoes)
@@ -157,7 +157,7 @@ def with_doubts(found: Found, view: View, images: Mapping[str, xr.DataArray]) ->
     return found._replace(transparent_walls=tuple(walls.values()))
 
 
-def _flat_walls(found: Found) -> list[tuple[int, Mirror]]:
+def flat_walls(found: Found) -> list[tuple[int, Mirror]]:
     """The flat mirrors in line of sight, and their numbers."""
     mirrors = [
         (index, found.tree.mirrors[chain[0]].mirror) for index, chain in enumerate(found.sight.chain) if len(chain) == 1
