@@ -140,6 +140,8 @@ def test_geojson_of_every_geometry(tmp_path):
     assert [len(line) for line in plan.lines] == [2, 4, 2]
     np.testing.assert_array_equal(plan.lines[2], [[2, 2], [3, 3]])
     assert plan.walls.shape == (5, 2, 2)
+    path.write_text(json.dumps(content | {"units": "millimetres"}))
+    np.testing.assert_allclose(mf.load(path).lines[2], [[2e-3, 2e-3], [3e-3, 3e-3]])
 
 
 @pytest.mark.parametrize("name", ["plan.dxf", "plan.geojson"])
@@ -180,6 +182,7 @@ def test_ezdxf_finds_layers_and_facts(reconstruction, tmp_path):
         ("a.dxf", "no drawing", "no DXF file"),
         ("a.geojson", "{", "not valid JSON"),
         ("a.geojson", "[]", "no GeoJSON"),
+        ("a.geojson", '{"type": "LineString", "units": "GHz"}', "'units' are 'GHz', expected m, cm, mm"),
         ("a.geojson", '{"type": "LineString"}', "without proper coordinates"),
         ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [3]]}', "without proper coordinates"),
         ("a.geojson", '{"type": "LineString", "coordinates": [[1, 2], [NaN, 3]]}', "is not finite"),

@@ -18,12 +18,13 @@ import xarray as xr
 from scipy import constants
 
 from mirrorfold.common.arcs import Arc, arc_through, as_three_points, in_line, mirror_places
-from mirrorfold.common.arguments import path_of
+from mirrorfold.common.arguments import in_message, path_of
 from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.plans import FloorPlan
 from mirrorfold.common.plausible import unplaced
 from mirrorfold.common.reading import check_file, parsed, read_text
 from mirrorfold.common.types import Array
+from mirrorfold.common.units import KINDS, unit_named
 from mirrorfold.errors import InputError
 
 SUFFIXES = (".dxf", ".geojson")
@@ -68,8 +69,9 @@ def read_plan(path: str | Path) -> FloorPlan:
     path : path
         DXF: lines, polylines, arcs, circles, ellipses and splines of the model space, also those in blocks and
         multilines, as far as they are visible; `$INSUNITS` tells the unit, by default metres. GeoJSON: lines and
-        outlines of areas, in metres. On the layer of mirror images, an arc, or a line of more than two points, is a
-        curved mirror: the arc through the first, the middle and the last of its points.
+        outlines of areas, in the unit of length that a member "units" names, by default metres. On the layer of mirror
+        images, an arc, or a line of more than two points, is a curved mirror: the arc through the first, the middle and
+        the last of its points.
 
     Returns
     -------
@@ -194,9 +196,13 @@ def _geojson(path: Path) -> Iterator[tuple[str, Array]]:
     content = parsed(read_text(path, "export the plan again"), "JSON", str(path), "export the plan again")
     if not isinstance(content, dict) or "type" not in content:
         raise InputError(f"{path}: is no GeoJSON, which is an object with a 'type'; export the plan as GeoJSON")
+    said = content.get("units", "m")
+    unit = KINDS["length"].get(unit_named(str(said)) or "")
+    if unit is None:
+        raise InputError(f"{path}: its 'units' are {in_message(said)}, expected {', '.join(KINDS['length'])}")
     try:
         for layer, line in _lines_of(content, ""):
-            yield layer, np.array([point[:2] for point in line], dtype=float).reshape(-1, 2)
+            yield layer, unit * np.array([point[:2] for point in line], dtype=float).reshape(-1, 2)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{path}: holds a geometry without proper coordinates; export the plan again") from None
 
