@@ -112,3 +112,15 @@ def test_lobes_of_an_array_with_errors_are_no_echoes_and_a_wall_that_faces_it_is
     wall = np.abs(view.range[:, None] * np.sqrt(1.0 - view.u**2) - 1.0) < 0.5 * view.range_cell
     limit = image_echoes.ring_floor(replace(view, amplitude=np.where(wall, 1.0, 0.0).astype(np.float32)))
     assert limit.max() == 0.0
+
+
+def test_what_fills_a_narrow_image_may_be_a_wall_and_sets_no_limit():
+    """The same rows, in all directions alike, are lobes in a wide image."""
+    least = []
+    for x in (GRID["x"], np.arange(-0.3, 0.3, 0.01)):
+        view = see(mf.focus(sweep_of_point((0.0, 1.0)), x=x, y=GRID["y"]))
+        limit = image_echoes.ring_floor(replace(view, amplitude=np.ones_like(view.amplitude)))
+        least.append(limit[view.row(0.9)].min())
+    wide, narrow = least
+    assert wide > 1.0
+    assert narrow == 0.0

@@ -45,16 +45,14 @@ def noise_floor(view: ImageView) -> Array:
 
 
 def ring_floor(view: ImageView) -> Array:
-    """Amplitude that the side lobes of imperfect arrays stay below, (nr, nu); zero for two long arrays.
+    """Amplitude that the side lobes of imperfect arrays stay below, (nr, nu), where only one array tells directions.
 
-    Where only one array tells directions, each of its places sees the lobes of a bright echo at the same distance in
-    all directions. They are as high as gaps and errors make them: nobody knows them before. They are told from echoes
-    by the median over all directions, which no wall fills: one that faces the radar is a range cell deep up to
-    ``u = sqrt(2 range_cell / range)``. Where such a wall would fill half of the image, there is no limit.
+    Each of its places sees the lobes of a bright echo at the same distance in all directions. They are as high as gaps
+    and errors make them: nobody knows them before. They are told from echoes by the median over all directions, more
+    than any wall fills: one that faces the radar is a range cell deep up to ``u = sqrt(2 range_cell / range)``. Where
+    such a wall would fill half of the image, there is no limit.
     """
     floor = np.zeros_like(view.amplitude)
-    if not view.one_way:
-        return floor
     facing, seen = 2.0 * np.sqrt(2.0 * view.range_cell / view.range), float(np.ptp(view.u))
     factor = np.where(facing < 0.5 * seen, noise_limit(1.0, round(seen / view.u_cell)) / RAYLEIGH_MEDIAN, 0.0)
     for place in view.places_along:
@@ -72,7 +70,8 @@ def find_ridges(view: ImageView, *, threshold_db: float = THRESHOLD_DB, gain: Ar
     amplitude = view.amplitude
     quiet, floor = noise_floor(view), view.side_lobes * ratio_of(SIDE_LOBE_MARGIN_DB)
     np.maximum(quiet[:, None], floor, out=floor)
-    np.maximum(ring_floor(view), floor, out=floor)
+    if view.one_way:
+        np.maximum(ring_floor(view), floor, out=floor)
     above = amplitude > floor
     reference = _reference(np.max(amplitude, axis=0, initial=0.0, where=above), quiet, threshold_db)
     threshold = reference * ratio_of(threshold_db)

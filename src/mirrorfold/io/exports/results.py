@@ -15,7 +15,7 @@ from mirrorfold.common.chains import mirror_chains
 from mirrorfold.common.facts import VOLUME
 from mirrorfold.errors import InputError
 from mirrorfold.folding.confident import with_confident_points
-from mirrorfold.folding.frames import frame_count, pick_frame
+from mirrorfold.folding.frames import pick_frame
 from mirrorfold.io import plans
 from mirrorfold.io.exports import vtk
 from mirrorfold.io.exports.clouds import WRITERS, cloud_file, notes
@@ -114,7 +114,7 @@ def check_can_hold(path: Path, source: Any) -> None:
     Parameters
     ----------
     path : path
-    source : xarray.DataTree, xarray.DataArray or xarray.Dataset
+    source : xarray.DataTree, xarray.DataArray or xarray.Dataset, optional
         The reconstruction, or the image or sweep that it is made from.
 
     Raises
@@ -124,12 +124,8 @@ def check_can_hold(path: Path, source: Any) -> None:
     """
     if path.suffix.lower() == ".vts":
         raise InputError(f"{path}: a reconstruction holds no volume of beams; give the image, or a name in .vti")
-    count = frame_count(source)
-    if path.suffix.lower() == ".vti" and count is not None and count > 1:
-        raise InputError(
-            f"{path}: holds pictures of one frame, and there are {count} frames, numbered from 0 to {count - 1}; "
-            "choose one with --frame N, in Python with mf.pick_frame(x, N)"
-        )
+    if path.suffix.lower() == ".vti" and source is not None:
+        pick_frame(source)
 
 
 def mirrors_file(reconstruction: xr.DataTree) -> bytes:
