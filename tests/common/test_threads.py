@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from mirrorfold.common import threads
-from mirrorfold.common.threads import for_each, in_shares, products
+from mirrorfold.common.threads import for_each, in_shares, one_thread, products
 
 
 @pytest.mark.parametrize("cores", [1, 2, 7])
@@ -37,3 +38,18 @@ def test_the_first_failure_is_raised():
 
     with pytest.raises(ValueError, match="item 3"):
         for_each(work, range(10))
+
+
+def test_linear_algebra_is_set_back_by_the_last_to_leave():
+    def counts() -> set[int]:
+        return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+    products(np.ones((1, 2, 2)), np.ones((1, 2, 2)), np.empty((1, 2, 2)))
+    with threadpool_limits(2, user_api="blas"):
+        first, second = one_thread(), one_thread()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert counts() == {1}
+        second.__exit__(None, None, None)
+        assert counts() == {2}

@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import lru_cache
 from itertools import pairwise
 from queue import Empty, SimpleQueue
@@ -31,6 +31,11 @@ SHARES = 4
 
 _pool: ThreadPoolExecutor | None = None
 _pool_lock = threading.Lock()
+
+_inside = 0
+"""Number of threads that are in `one_thread`."""
+_inside_lock = threading.Lock()
+_limiter: Any = None
 
 
 def cpu_count() -> int:
@@ -113,14 +118,29 @@ def in_shares(work: Callable[..., object], count: int, *arguments: object) -> No
     for_each(lambda share: work(*arguments, *share), pairwise(edges))
 
 
-def one_thread() -> AbstractContextManager[object]:
-    """A context in which linear algebra uses one thread.
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """A context in which linear algebra uses one thread; several threads may be in it at once.
 
     The threads of the linear algebra library wait for each other by spinning, which on a busy machine costs twenty
     times the work. So the threads and processes of this package share the blocks instead, and results do not depend on
-    the number of cores.
+    the number of cores. The number of threads is one for the whole process. So the first to enter sets it, and the last
+    to leave sets it back: if each did, one that leaves would free memory that another's products use, and the last
+    would set back what the first had set.
     """
-    return _linear_algebra().limit(limits=1, user_api="blas")
+    global _inside, _limiter
+    with _inside_lock:
+        _inside += 1
+        if _limiter is None:
+            _limiter = _linear_algebra().limit(limits=1, user_api="blas")
+    try:
+        yield
+    finally:
+        with _inside_lock:
+            _inside -= 1
+            if _inside == 0:
+                _limiter.restore_original_limits()
+                _limiter = None
 
 
 @lru_cache(1)
