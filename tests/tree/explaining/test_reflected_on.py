@@ -93,10 +93,19 @@ def test_an_echo_in_doubt_explains_no_other():
     assert told(place, [], shown=[other]) is True
 
 
+def test_where_a_wall_surely_reflects_is_a_known_place():
+    """Of one object, the mirror shows a part over the end of the screen, and a part that the screen surely reflects."""
+    over, inside = over_end(0.03, 0.3), over_end(0.046, 0.3)
+    assert not told(over, [])
+    assert told(over, [], shown=[inside])
+    assert not told(inside, [], shown=[over])
+    assert not told(over, [], shown=[over_end(0.2, 0.3)])
+
+
 def test_a_pillar_shows_what_a_flat_object_reflects_to_the_cell_that_it_widens():
     """Its cell is five times as wide, 0.2 m."""
     pillar = ArcMirror(middle=np.array([0.7, 1.3]), radius=0.35, first=-3.4, span=2.0, radar=np.zeros(2))
-    screen = np.array([-0.29, 0.9]), np.array([-0.9, 0.9])
+    screen = np.array([-0.29, 0.9]), np.array([-0.5, 0.9])
     sight = np.array([[np.sin(0.384), np.cos(0.384)]])
     seen = (pillar.met(sight) + 1.35)[:, None] * sight
     true = reflect(fold_of((pillar,), 2)(seen), screen[0], segment_normal(*screen))[0]

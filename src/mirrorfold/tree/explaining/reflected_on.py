@@ -4,7 +4,8 @@ A flat object that is no mirror in the image still reflects, and so does the bac
 echo's path passes well inside of its ends, nothing stands behind it (`behind_walls`). If the leg passes close to an
 end, both may be: the wave went past the end, or the end reflected it. If the end did, the true place follows from
 reflecting the leg there, and at each wall that it meets from there on. If a known object stands at just that place, the
-wave came from it.
+wave came from it. Also known is where legs lead that pass well inside of the ends, reflected by each wall that they
+meet: the image shows an object there by way of a wall that it does not show.
 """
 
 from __future__ import annotations
@@ -43,10 +44,26 @@ def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[M
     others = {node.chain: [wall for chain, wall in ends.items() if chain != node.chain] for node in nodes}
     near = {node.chain: _near_ends(node, others[node.chain], view) for node in nodes}
     # An echo that is in doubt itself explains no other.
-    known = [node.fold(node.objects.position[~near[node.chain].any(axis=0)]) for node in nodes]
+    known = [_led_to(node, others[node.chain], ~near[node.chain].any(axis=0), view) for node in nodes]
     known += [node.face_fold(node.face.position) for node in nodes if node.chain]
     places = cKDTree(np.concatenate(known))
     return {node.chain: _come_from(places, node, others[node.chain], near[node.chain], view) for node in nodes}
+
+
+def _led_to(node: MirrorTree, walls: Sequence[Array], chosen: Mask, view: ImageView) -> Array:
+    """Where the paths to the chosen object echoes of a node lead, reflected by each wall that they meet, (m, 2) [m].
+
+    No wall is met where a curved mirror shows another.
+    """
+    echoes = node.objects.take(chosen)
+    places = node.fold(echoes.position)
+    if len(echoes) and not any_curved(node.way[:-1]):
+        leaves, cell = last_leg(echoes, node.way, view)[0], view.cell(echoes.range) * widened(echoes, node.way)
+        shares = np.array([_share(leaves, places, wall, cell) for wall in walls]).reshape(len(walls), len(echoes))
+        for echo in np.flatnonzero(np.isfinite(shares).any(axis=0)):
+            first = int(np.argmin(shares[:, echo]))
+            places[echo] = _followed(leaves[echo], places[echo], first, walls, float(cell[echo]))
+    return places
 
 
 def _near_ends(node: MirrorTree, walls: Sequence[Array], view: ImageView) -> Mask:
@@ -105,17 +122,22 @@ def _followed(leaves: Array, place: Array, first: int, walls: Sequence[Array], c
     cell : float [m]
         Resolution cell at the end of the path: walls closer than `BEHIND_CELLS` to an end of a leg are not met.
     """
-    met: int | None = first
+    met = first
     for _ in range(MOST_REFLECTIONS):
-        if met is None:
-            break
         share, _along = crossing(leaves, place, *walls[met])
         leaves = leaves + share * (place - leaves)
         place = reflect(place, walls[met][0], segment_normal(*walls[met]))
-        length, shares = float(np.linalg.norm(place - leaves)), {}
-        for number, wall in enumerate(walls):
-            share, along = crossing(leaves, place, *wall)
-            if 0.0 <= along <= 1.0 and min(share, 1.0 - share) * length > BEHIND_CELLS * cell:
-                shares[number] = float(share)
-        met = min(shares, key=lambda number: shares[number]) if shares else None
+        shares = [float(_share(leaves, place, wall, cell)) for wall in walls]
+        met = int(np.argmin(shares))
+        if not np.isfinite(shares[met]):
+            break
     return place
+
+
+def _share(leaves: Array, places: Array, wall: Array, cell: Array | float) -> Array:
+    """Share of straight paths (..., 2) [m] at which they meet a wall; infinite if they do not, (...)."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share, along = crossing(leaves, places, *wall)
+        length = np.linalg.norm(places - leaves, axis=-1)
+        met = (along >= 0.0) & (along <= 1.0) & (np.minimum(share, 1.0 - share) * length > BEHIND_CELLS * cell)
+    return np.where(met, share, np.inf)
