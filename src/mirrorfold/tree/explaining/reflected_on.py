@@ -44,7 +44,7 @@ def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[M
     others = {node.chain: [wall for chain, wall in ends.items() if chain != node.chain] for node in nodes}
     near = {node.chain: _near_ends(node, others[node.chain], view) for node in nodes}
     # An echo that is in doubt itself explains no other.
-    known = [_led_to(node, others[node.chain], ~near[node.chain].any(axis=0), view) for node in nodes]
+    known = [_led_to(node, others[node.chain], np.asarray(~near[node.chain].any(axis=0)), view) for node in nodes]
     known += [node.face_fold(node.face.position) for node in nodes if node.chain]
     places = cKDTree(np.concatenate(known))
     return {node.chain: _come_from(places, node, others[node.chain], near[node.chain], view) for node in nodes}
