@@ -49,9 +49,11 @@ def test_noise_alone_gives_no_echo():
 
 @pytest.mark.parametrize("angle", [90.0, 180.0, -175.0, 500.0])
 def test_a_scan_that_looks_back_folds_and_draws_as_one_that_looks_ahead(angle):
-    ahead = mf.focus(point_sweep((0.03, 1.2, 0.05), (-0.03, 1.5, -0.05), noise=1e-3))
+    ahead = mf.focus(point_sweep((0.03, 1.2, 0.05), (0.03, 1.23, 0.05), (-0.03, 1.5, -0.05), noise=1e-3))
     here, there = mf.fold(ahead), mf.fold(ahead.assign_coords(azimuth=ahead["azimuth"] + angle))
     assert_allclose(points_of(there), [turned({"center": p}, angle)["center"] for p in points_of(here)], atol=1e-9)
+    confidence = [result["objects/confidence"] for result in (here, there)]
+    assert_allclose(confidence[1], confidence[0], atol=1e-3)
     for picture in (lambda result: result["intensity"], lambda result: result["initial/initial"]):
         assert float(picture(there).max()) == pytest.approx(float(picture(here).max()), rel=0.3)
 

@@ -113,6 +113,17 @@ class VolumeView(View):
         azimuth -= 2.0 * np.pi * np.rint((azimuth - self.middle) / (2.0 * np.pi))
         return np.linalg.norm(offset, axis=-1), np.stack([azimuth, elevation], axis=-1)
 
+    def in_cells(self, points: Array) -> Array:
+        """As for any `View`, with angles from the middle of the scan.
+
+        The beam's width as an angle changes with range, and shears the cells in proportion to the angles: those of
+        places in one direction must not depend on where the scan looks.
+        """
+        range_, angles = self.angles(points)
+        angles = angles - [0.5 * (axis[0] + axis[-1]) for axis in self.axes]
+        beam = self.width(range_) / np.maximum(range_, self.dr)
+        return np.column_stack([range_ / self.range_cell, angles / beam[:, None]])
+
     @property
     def middle(self) -> float:
         """Azimuth [rad] in the middle of the scan."""
