@@ -38,6 +38,8 @@ FACING = np.array([-0.8, 0.3]), np.array([-0.5, 1.1])
 ABOVE = np.array([0.6, 2.4]), np.array([1.0, 2.4])
 """A mirror beyond its end, whose way passes the wall by."""
 
+OVER_ITS_END = np.array([0.251, 1.645]), np.array([0.591, 1.856])
+"""A mirror whose way to the place behind the wall meets the wall about a resolution cell from its end."""
 
 ASIDE = np.array([0.95, 1.9])
 """Another one, which no other mirror shows."""
@@ -76,7 +78,11 @@ def passed(found, node, view):
     return passage_by_geometry(found, view, node, prolonged_where_hidden(found))
 
 
-@pytest.mark.parametrize(("other", "expected"), [(ABOVE, GUESS), (FACING, UNDECIDED)], ids=["around", "by the wall"])
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [(ABOVE, GUESS), (FACING, UNDECIDED), (OVER_ITS_END, UNDECIDED)],
+    ids=["around", "by the wall", "by the end of the wall"],
+)
 def test_only_ways_around_a_wall_tell_what_is_behind_it(other, expected):
     found, node, view, again = find(other, objects=[SHOWN, ASIDE])
     np.testing.assert_allclose(passed(found, node, view)[near(node.objects, SHOWN)], expected)

@@ -128,8 +128,9 @@ def last_leg(echoes: Echoes, way: Sequence[Mirror], view: View) -> tuple[Array, 
 
 
 def met_by(
-    walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array, growth: Array | float = 1.0
-) -> Mask:
+    walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array, growth: Array | float = 1.0, *,
+    surely: bool = True,
+) -> Mask:  # fmt: skip
     """Whether straight paths meet one of the walls well before their end, (n,).
 
     Parameters
@@ -142,18 +143,24 @@ def met_by(
         Resolution cell at the end of each path, as flat mirrors show it.
     growth : (n,) array, optional
         Factor by which a curved mirror, where the path begins, widens the cell at its end.
+    surely : bool
+        Whether paths that may as well pass beside the wall, or begin or end at it, count as paths that do not meet it;
+        otherwise as paths that do.
     """
     met = np.zeros(len(stands), dtype=bool)
     for way in walls:
         if way and not any_curved(way):
-            met |= _met(way[-1], way[:-1], leaves, stands, cell, growth)
+            met |= _met(way[-1], way[:-1], leaves, stands, cell, growth, 1.0 if surely else -1.0)
     return met
 
 
 def _met(
-    wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array, growth: Array | float
+    wall: Mirror, to_it: Sequence[Mirror], leaves: Array, stands: Array, cell: Array, growth: Array | float, side: float
 ) -> Mask:
-    """Whether straight paths (n, d) [m] meet a wall, at its true place, well before their end, (n,)."""
+    """Whether straight paths (n, d) [m] meet a wall, at its true place, well before their end, (n,).
+
+    Those that come within the margins count as inside of them or, with `side` -1 instead of 1, as outside.
+    """
     fold = fold_of(to_it, leaves.shape[1])
     center = fold(wall.center)
     normal, tangents = fold(wall.center + wall.normal) - center, fold(wall.center + wall.tangents) - center
@@ -162,9 +169,9 @@ def _met(
     with np.errstate(divide="ignore", invalid="ignore"):
         share = ((center - leaves) @ normal) / (way @ normal)
         offset = leaves + share[:, None] * way - center
-        met = np.minimum(share, (1.0 - share) / growth) * length > BEHIND_CELLS * cell
+        met = np.minimum(share, (1.0 - share) / growth) * length > side * BEHIND_CELLS * cell
         width = cell * (1.0 + share * (growth - 1.0))
         for tangent, (first, last) in zip(tangents, wall.sides, strict=True):
             along = offset @ tangent
-            met &= np.minimum(along - first, last - along) >= INSIDE_CELLS * width
+            met &= np.minimum(along - first, last - along) >= side * INSIDE_CELLS * width
     return met

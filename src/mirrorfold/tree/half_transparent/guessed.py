@@ -93,12 +93,12 @@ def passage_by_geometry(
 def _seen_around(
     node: MirrorTree, by_chain: Mapping[Chain, tuple[Mirror, ...]], wall: tuple[Mirror, ...], view: View
 ) -> Array:
-    """True places of the objects of a node, without those whose path meets a wall on its last leg, (n, d) [m].
+    """True places of the objects of a node, without those whose path may meet a wall on its last leg, (n, d) [m].
 
     Those are left out because every mirror that shows the wall also shows, behind it, the objects that it reflects.
     """
     leaves, stands = last_leg(node.objects, by_chain[node.chain], view)
-    return stands[~met_by([wall], leaves, stands, view.cell(node.objects.range))]
+    return stands[~met_by([wall], leaves, stands, view.cell(node.objects.range), surely=False)]
 
 
 def _of_marked_objects(number: Index, marked: Mask, view: View, echoes: Echoes) -> Mask:
