@@ -13,8 +13,8 @@ from mirrorfold.detection import find_mirrors
 from mirrorfold.detection.image_echoes import find_ridges
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.fit import parabola_residual, split_in_two
-from mirrorfold.detection.search.growing import lies_on
-from mirrorfold.detection.search.lines import NO_BOW, _Lines
+from mirrorfold.detection.search.growing import NO_BOW, lies_on
+from mirrorfold.detection.search.lines import _Lines
 
 
 @pytest.mark.parametrize(("incidence", "count"), [(0.0, 1), (20.0, 0)])

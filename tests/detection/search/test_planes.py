@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scans import content, panel
+from scans import STEEL, content, panel
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import unit
@@ -13,6 +13,9 @@ from mirrorfold.scenes.floor_plan import parse_scene
 
 NORMAL = unit(np.array([np.sin(np.radians(50.0)), -np.cos(np.radians(50.0)), 0.0]))
 """Normal of the wall, at 50 degrees from the line of sight: one edge is seen at 31 degrees, the other one at 62."""
+
+NORMAL_ON_FLOOR = unit(np.array([-0.472, -0.877]))
+"""Normal, in the floor plan, of a wall that stands on a floor."""
 
 SIDES = np.array([[-NORMAL[1], NORMAL[0], 0.0], [0.0, 0.0, 1.0]])
 
@@ -37,3 +40,18 @@ def test_the_edges_of_a_wall_do_not_turn_its_plane():
     error = np.array([turn / told for turn, told in found])
     assert np.abs(error.mean(axis=0)).max() < 1.0
     assert 0.3 < np.sqrt(np.mean(error**2)) < 1.3
+
+
+@pytest.mark.parametrize("lean", [-5.0, 4.0])
+def test_a_wall_that_leans_over_a_floor_ends_where_the_floor_shows_it(lean):
+    """Wall and image are one sheet with a kink, which is no bow."""
+    tilt = np.radians(lean)
+    normal = (*(np.cos(tilt) * NORMAL_ON_FLOOR), np.sin(tilt))
+    wall = panel("wall", (0.0, 3.9, -0.13), normal, 1.5, 1.6, **STEEL)
+    given = content(wall, panel("floor", (0.0, 2.9, -0.88), (0, 0, 1), 4.8, 4.2, **STEEL), half=16.0, beams=37)
+    given["scanner"] |= {"elevation": {"start": -22.0, "stop": 8.0, "points": 33}, "spot_radius": 0.06}
+    given["band"] = {"start": 77e9, "stop": 81e9, "points": 256}
+    view = see(mf.focus(mf.simulate(parse_scene(given), seed=1, snr_db=20.0)))
+    upright = [mirror for mirror in find_mirrors(view, find_echoes(view)) if abs(mirror.normal[2]) < 0.5]
+    assert len(upright) == 1
+    assert np.degrees(np.arccos(upright[0].normal @ normal)) < 0.5

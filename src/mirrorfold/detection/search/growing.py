@@ -20,7 +20,7 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror, proving_echoes
-from mirrorfold.detection.search.fit import flat
+from mirrorfold.detection.search.fit import flat, parabola_residual, split_in_two
 from mirrorfold.detection.views.view import View
 
 CLIP = 2.0
@@ -40,6 +40,11 @@ REACH_CELLS = 8.0
 NEAR = 0.6
 """Largest distance of echoes from their row or sheet, as a share of the resolution cell across it: the cell itself
 reaches over 0.5, and the first proposal is not yet the best."""
+
+NO_BOW = 0.9
+"""Largest sum of squared residuals of two lines, relative to that of a parabola, at which what bulges is a mirror with
+something else at its end. In rows it is 0.96 and more for arcs, and was 0.82 for a wall between two round objects; in
+sheets 1.0 and more for cylinders and spheres, and 0.69 to 0.74 for walls that lean by 4 and 5 degrees over a floor."""
 
 ROUNDS = 4
 """Number of times that a proposal is fitted to its echoes; then it no longer moves."""
@@ -97,8 +102,29 @@ class Search(ABC, Generic[M]):
         """Whether the echoes of a mirror bulge so much that they are those of a curved object."""
         return sagitta(mirror, self.echoes.position[member]) > self.sagitta * self.view.cell_at(mirror.center)
 
+    @abstractmethod
+    def along_bend(self, mirror: M, points: Array) -> Array:
+        """Places of points (n, d) along the direction in which a mirror that bulges is bent, (n,) [m]."""
+
     def straight_part(self, mirror: M, member: Index) -> tuple[M, Index] | None:
-        """The flat part of a mirror that bulges, and the numbers of its echoes; None if it has none."""
+        """The flat part of a mirror that bulges only because something else goes on at its ends, and the numbers of its
+        echoes; None if it is evenly curved.
+
+        At the ends of a row stand objects. A sheet goes on where a wall leans over a floor that shows its image.
+        """
+        for _ in range(2):  # at either end
+            points = self.echoes.position[member]
+            along, beside = self.along_bend(mirror, points), mirror.beside(points)
+            weight = self.weight[member] / self.square(mirror.normal, member)
+            place, left, _ = split_in_two(along, beside, weight)
+            longer = (along <= place) == (place >= 0.5 * (along.min() + along.max()))
+            if left > NO_BOW * parabola_residual(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
+                return None
+            mirror, member = self.patch(*flat(points[longer], weight[longer]), member[longer])
+            if not self.long_enough(mirror):
+                return None
+            if not self.bulges(mirror, member):
+                return mirror, member
         return None
 
     @abstractmethod

@@ -17,8 +17,6 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.fit import (
     FEWEST_PLACES,
-    flat,
-    parabola_residual,
     power_centroids,
     refined,
     split_in_two,
@@ -109,10 +107,6 @@ An object at the end of a wall left its line by 0.7 and 0.8."""
 SPREAD_SAMPLES = 21
 """Number of samples of the profiles from which that variance is computed."""
 
-NO_BOW = 0.9
-"""Largest sum of squared residuals of two lines, relative to that of a parabola, at which a row that bulges is a wall
-with an object at its end. It is 0.96 and more for rows of arcs, and was 0.82 for a wall between two round objects."""
-
 
 def find_lines(echoes: Echoes, view: ImageView, *, minimum_length: float, tested: bool = True) -> list[LineMirror]:
     """Straight mirrors among the visible echoes of an image, that with the most votes first: see `Search`.
@@ -146,22 +140,9 @@ class _Lines(Search[LineMirror]):
         resolved = self.tested and glint >= GLINT_CELLS * self.view.cell_at(mirror.center)
         return min(self.minimum_length, glint) if resolved and 0.0 <= foot <= mirror.length else self.minimum_length
 
-    def straight_part(self, mirror: LineMirror, member: Index) -> tuple[LineMirror, Index] | None:
-        """The wall in a row that bulges only because objects stand at its ends; None if the row is evenly curved."""
-        for _ in range(2):  # an object may stand at either end
-            points = self.echoes.position[member]
-            along, beside = mirror.along(points), mirror.beside(points)
-            weight = self.weight[member] / self.square(mirror.normal, member)
-            place, left, _ = split_in_two(along, beside, weight)
-            longer = (along <= place) == (place >= 0.5 * mirror.length)
-            if left > NO_BOW * parabola_residual(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
-                return None
-            mirror, member = self.patch(*flat(points[longer], weight[longer]), member[longer])
-            if mirror.length < self.shortest(mirror):
-                return None
-            if not self.bulges(mirror, member):
-                return mirror, member
-        return None
+    def along_bend(self, mirror: LineMirror, points: Array) -> Array:
+        """Their places along the row."""
+        return mirror.along(points)
 
     def passes(self, mirror: LineMirror) -> bool:
         """Whether echoes fill the mirror, outweigh those in a band of equal width before it, and are no side lobes."""

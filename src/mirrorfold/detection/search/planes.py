@@ -81,6 +81,15 @@ class _Planes(Search[PlaneMirror]):
         mirror = PlaneMirror(center, towards, np.empty((0, 3)), beams)
         return mirror.part_in_beams(self.view, beams) if beams.any() else mirror, near[beams[beam]]
 
+    def along_bend(self, mirror: PlaneMirror, points: Array) -> Array:
+        """Their places along the direction in which the best paraboloid through them is bent most."""
+        place = (points - mirror.center) @ mirror.tangents.T
+        u, v = place.T
+        terms = np.column_stack([u**2, u * v, v**2, place, np.ones(len(place))])
+        uu, uv, vv = np.linalg.lstsq(terms, mirror.beside(points), rcond=None)[0][:3]
+        bend, direction = np.linalg.eigh([[uu, 0.5 * uv], [0.5 * uv, vv]])
+        return place @ direction[:, np.argmax(np.abs(bend))]
+
     def passes(self, mirror: PlaneMirror) -> bool:
         """Whether enough of its beams hold echoes."""
         return mirror.fill >= SMALLEST_FILL
