@@ -95,6 +95,14 @@ def test_a_scan_of_which_nothing_is_known_is_not_judged():
     assert diagnose(silent) == ([], {"waves": False, "exchange": False})
 
 
+def test_a_scan_in_unequal_steps_is_described_though_it_cannot_be_folded():
+    sweep = raster_scan(0, leakage=True).isel(azimuth=[0, 1, 2, *range(5, 25)])
+    assert named(sweep) == ()
+    assert "azimuth" in str(mf.info(sweep))
+    with pytest.raises(mf.InputError, match="azimuth does not rise in equal steps"):
+        mf.reconstruct(sweep)
+
+
 @pytest.mark.parametrize("snr_db", [None, 90.0])
 def test_beams_that_meet_nothing_are_no_silent_channels(snr_db):
     """A ball in the middle of the scan: most beams pass beside it, and are 40 dB and more below those that meet it."""

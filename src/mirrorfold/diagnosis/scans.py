@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.fft import ifft
 
 from mirrorfold.common.beams import beam_radius
+from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import hann
 from mirrorfold.detection.search.planes import find_planes
@@ -110,9 +111,13 @@ def scan_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
 
 
 def _by_walls(sweep: xr.Dataset) -> int:
-    """+1 where walls are flat in the sweep as it is, -1 where they are flat with the range axis reversed, else 0."""
+    """+1 where walls are flat in the sweep as it is, -1 where they are flat with the range axis reversed, else 0.
+
+    Walls are sought among beams in equal steps.
+    """
     first = sweep.isel(dict.fromkeys(sweep["s"].dims[:-3], 0))
-    if min(first["s"].shape) < 4 or not np.any(first["s"].values):
+    equal = all(in_equal_steps(sweep[name].values) for name in ("azimuth", "elevation"))
+    if not equal or min(first["s"].shape) < 4 or not np.any(first["s"].values):
         return 0
     amplitude = amplitude_of_scan(first, FocusSettings(), None)
     forward = _beams_on_walls(amplitude)
@@ -228,11 +233,11 @@ def _angular_width(cell: NDArray[np.complexfloating], sweep: xr.Dataset) -> floa
     """Angle [rad] over which neighbouring beams see the same speckle, from their correlation one step apart.
 
     The correlation is taken for ``exp(-(step / width)^2)``; `cell` (azimuth, elevation) is one range bin. NaN where the
-    correlation is too close to 0 or 1.
+    correlation is too close to 0 or 1, or the steps are unequal.
     """
     widths = []
     for axis, name in enumerate(("azimuth", "elevation")):
-        if cell.shape[axis] < 3:
+        if cell.shape[axis] < 3 or not in_equal_steps(sweep[name].values):
             continue
         step = np.radians(float(np.diff(sweep[name].values).mean()))
         a = np.take(cell, range(cell.shape[axis] - 1), axis=axis)
