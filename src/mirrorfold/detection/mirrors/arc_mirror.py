@@ -15,7 +15,6 @@ import numpy as np
 from mirrorfold.common.geometry import circle_crossings, turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.curved import fit_covariance
 from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
@@ -106,6 +105,10 @@ class ArcMirror(Mirror[ImageView]):
         offset = points - self.middle
         angle = np.arctan2(offset[..., 1], offset[..., 0]) - self.first - 0.5 * self.span
         return self.radius * ((angle + np.pi) % (2.0 * np.pi) - np.pi + 0.5 * self.span)
+
+    def off_middle(self, points: Array) -> Array:
+        """Position [m] of points (n, 2) along the arc from its middle, (n,)."""
+        return self.along(points) - 0.5 * self.length
 
     def part(self, first: float, last: float) -> ArcMirror:
         """The arc from one position [m] along it to another."""
@@ -231,10 +234,3 @@ class ArcMirror(Mirror[ImageView]):
         cuts = sorted([0.0, self.length, *(0.5 * (position[changes] + position[changes + 1]))])
         parts = sorted((self.part(first, last) for first, last in pairwise(cuts)), key=lambda part: -part.length)
         return [parts[0]], [part for part in parts[1:] if part.length > 0.0]
-
-    def displacement_covariance(self, places: Array) -> Array:
-        """Covariance (n, d, d) [m^2] of places (n, d), each fixed to the tangent that its line of sight meets, from the
-        standard errors of the arc.
-        """
-        hit, normal = self.facing(places)
-        return fit_covariance(self, places - hit, normal, [turned(normal)], self.along(hit) - 0.5 * self.length)

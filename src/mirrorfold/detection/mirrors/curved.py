@@ -39,35 +39,6 @@ def growth_over(way: Sequence[Mirror], points: Array) -> Array:
     return np.ones((len(points), 1)) if mirror is None else mirror.growth(points)
 
 
-def fit_covariance(mirror: Mirror, offset: Array, normal: Array, tangents: Sequence[Array], way: Array) -> Array:
-    """Covariance (n, d, d) [m^2] of places that are fixed to tangents of a mirror, from the standard errors of its fit.
-
-    It is ``(s^2 + (w^2 k / 2)^2) n n' + (a^2 + (w k)^2) sum over t of q q'``, with s, a and k the errors of offset [m],
-    angle [rad] and curvature [1/m], of which NaN counts as zero, w the `way`, n the `normal`, t each of the `tangents`,
-    and ``q = (o.t) n + (o.n) t`` for the `offset` o.
-
-    Parameters
-    ----------
-    mirror : Mirror
-    offset : (n, d) array [m]
-        From where each place's tangent touches the mirror to the place.
-    normal : (n, d) array
-        Unit normal of the mirror there.
-    tangents : sequence of (n, d) arrays
-        Unit vectors along the mirror there.
-    way : (n,) array [m]
-        Distance along the mirror from its middle to the point of contact.
-    """
-    errors = mirror.offset_error, mirror.angle_error, mirror.curvature_error
-    shift, angle, bend = (float(np.nan_to_num(error)) for error in errors)
-    shifted, turned = shift**2 + (0.5 * way**2 * bend) ** 2, np.radians(angle) ** 2 + (way * bend) ** 2
-    total = shifted[:, None, None] * np.einsum("ni,nj->nij", normal, normal)
-    for tangent in tangents:
-        turn = np.sum(offset * tangent, axis=1)[:, None] * normal + np.sum(offset * normal, axis=1)[:, None] * tangent
-        total = total + turned[:, None, None] * np.einsum("ni,nj->nij", turn, turn)
-    return total
-
-
 def dimming(way: Sequence[Mirror], points: Array) -> Array:
     """Factor by which amplitudes at points (n, d) of the image are weaker than by way of flat mirrors, (n,), at least
     1.

@@ -161,20 +161,28 @@ class Mirror(ABC, Generic[V]):
         """The map from where the image shows what is seen in the mirror to where it stands."""
         return Isometry.reflection(self.center, self.normal)
 
+    def off_middle(self, points: Array) -> Array:
+        """How far [m] points (n, d) on the mirror are from its middle, along its curvature, (n,); zero if flat."""
+        return np.zeros(len(points))
+
     def displacement_covariance(self, places: Array) -> Array:
         """Covariance (n, d, d) [m^2] of half the displacement of mirror images of places (n, d), by errors of the fit.
 
-        It is ``s^2 n n' + a^2 sum over t of q q'``, with s the error of the offset [m], a that of the angle [rad], n
-        the normal, t the tangents, and ``q = (o.t) n + (o.n) t`` for a place at o from the center. For a place on the
-        face itself it is the covariance of the face. A given mirror, whose errors are NaN, is taken to be exact.
+        Let a place be at o from where its line of sight meets the mirror, or for a flat one from the center, n the
+        normal there, and w how far it is `off_middle`. The result is ``(s^2 + (w^2 k / 2)^2) n n' + (a^2 + (w k)^2)
+        B B'`` with ``B = n o' + (o.n) (I - 2 n n')``, and s, a and k the errors of the offset [m], the angle [rad] and
+        the curvature [1/m]. For a place on the face itself it is the covariance of the face. A given mirror, whose
+        errors are NaN, is taken to be exact.
         """
-        offset, angle = places - self.center, float(np.nan_to_num(np.radians(self.angle_error)))
-        square = np.nan_to_num(self.offset_error) ** 2 * np.outer(self.normal, self.normal)
-        total = np.repeat(square[None], len(places), axis=0)
-        for tangent in self.tangents:
-            turn = np.outer(offset @ tangent, self.normal) + np.outer(offset @ self.normal, tangent)
-            total += angle**2 * np.einsum("ni,nj->nij", turn, turn)
-        return total
+        hit, normal = self.facing(places)
+        offset, way = places - hit, self.off_middle(hit)[:, None, None]
+        errors = self.offset_error, np.radians(self.angle_error), self.curvature_error
+        shift, angle, bend = (float(np.nan_to_num(error)) for error in errors)
+        square = np.einsum("ni,nj->nij", normal, normal)
+        depth = np.sum(offset * normal, axis=1)[:, None, None]
+        turn = np.einsum("ni,nj->nij", normal, offset) + depth * (np.eye(places.shape[1]) - 2.0 * square)
+        shifted, turned = shift**2 + (0.5 * way**2 * bend) ** 2, angle**2 + (way * bend) ** 2
+        return shifted * square + turned * (turn @ np.swapaxes(turn, 1, 2))
 
     def beside(self, points: Array) -> Array:
         """Signed distance [m] of points (..., d) from its line or plane, positive on the side of `normal`."""

@@ -16,7 +16,6 @@ from mirrorfold.common.geometry import unit_or_zero
 from mirrorfold.common.round_surfaces import RoundSurface
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection.mirrors.beam_mirror import BeamMirror
-from mirrorfold.detection.mirrors.curved import fit_covariance
 from mirrorfold.detection.mirrors.mirror import Fold
 from mirrorfold.detection.views.volume_view import VolumeView
 
@@ -132,14 +131,9 @@ class RoundMirror(BeamMirror):
         beams = beams & np.isfinite(range_)
         return replace(self, beams=beams, outline=view.points(range_[beams], np.flatnonzero(beams)))
 
-    def displacement_covariance(self, places: Array) -> Array:
-        """Covariance (n, 3, 3) [m^2] of places (n, 3), each fixed to the tangent plane that its line of sight meets,
-        from the standard errors of the surface.
-        """
-        hit, normal = self.facing(places)
-        way = np.linalg.norm(self.shape.across(hit - self.center), axis=1)
-        right = unit_or_zero(np.cross(normal, self.tangents[1]))
-        return fit_covariance(self, places - hit, normal, [right, np.cross(normal, right)], way)
+    def off_middle(self, points: Array) -> Array:
+        """Distance [m] of points (n, 3) from its center, across the axis of a cylinder, (n,)."""
+        return np.linalg.norm(self.shape.across(points - self.center), axis=1)
 
     def columns(self, fold: Fold) -> dict[str, Any]:
         """Columns as of any `BeamMirror`, and the axis of a cylinder; zero for a sphere."""
