@@ -129,8 +129,6 @@ def behind(objects: xr.Dataset, scene: Scene | Scene3D) -> EchoesBehind | None:
     if not set(objects.variables) >= NEEDED | {f"{axis}_initial" for axis in axes}:
         return None
     own = objects["surface"].values == "object"
-    if not own.any():
-        return None
     initial, place = (np.column_stack([objects[f"{axis}{which}"] for axis in axes])[own] for which in ("_initial", ""))
     if isinstance(scene, Scene):
         walls = walls_of_plan(scene, initial)

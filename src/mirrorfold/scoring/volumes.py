@@ -143,8 +143,6 @@ def patch_contrast(scene: Scene3D, patch: Patch, points: Array, amplitude: Array
     solid = next(s for s in solids(scene) if scene.surface[s.surface].name == patch.on)
     back = below.frame.inverse
     place, normals, _ = _samples([solid])
-    if not len(points):
-        return None
     covered = patch.covers(back(place), normals @ back.linear.T)
     on_patch, off_patch = cKDTree(place[covered]), cKDTree(place[~covered])
     inside, outside = on_patch.query(points)[0], off_patch.query(points)[0]

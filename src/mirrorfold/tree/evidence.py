@@ -242,8 +242,6 @@ def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: E
             continue
         seen = echoes.take(echoes.visible & (through == index))
         seen = seen.take(selected(view, seen, row))
-        if not len(seen):
-            continue
         fold = fold_of(way, view.dimensions)
         place = fold(seen.position)
         contradicted = sight.seen_empty(place)

@@ -35,8 +35,6 @@ def flanks(echoes: Echoes, found: Found, view: ImageView) -> Names:
     result, brightest = np.full(len(echoes), "", dtype=found.explanation.dtype), np.zeros(len(echoes))
     for reason, cells in ASIDE_CELLS.items():
         peaks = found.explained.take(found.explanation == reason)
-        if not len(peaks) or not len(echoes):
-            continue
         at, tops = (view.in_cells(some.position) / (FLANK_CELLS, cells) for some in (echoes, peaks))
         near = cKDTree(tops).query_ball_point(at, 1.0)
         amplitude = np.array([peaks.amplitude[those].max(initial=0.0) for those in near])

@@ -80,23 +80,17 @@ def confocal(position: Array, amplitude: Array, waves: SweepWaves, view: ImageVi
 
 def are_corners(position: Array, waves: SweepWaves, view: ImageView, known: Known) -> Mask:
     """Whether places (n, 2) [m] of the image show right-angled corners, measured once in each resolution cell, (n,)."""
-    if not len(position):
-        return np.zeros(0, dtype=bool)
     return _once_a_cell(corner_ratio, position, np.ones(len(position)), waves, view, known) > LIKE_A_CORNER
 
 
 def known_confocal(position: Array, amplitude: Array, view: ImageView, places: Array, share: Array) -> Array:
     """As `confocal`, from the `share` (m,) measured before at places (m, 2) [m]; NaN for echoes elsewhere, (n,)."""
-    if not len(places):
-        return np.full(len(position), np.nan)
     distance, nearest = cKDTree(view.in_cells(places)).query(view.in_cells(position))
-    return np.where(distance <= GHOST_CELLS, share[nearest], np.nan)
+    return np.where(distance <= GHOST_CELLS, np.append(share, np.nan)[nearest], np.nan)
 
 
 def known_corners(position: Array, view: ImageView, places: Array) -> Mask:
     """As `are_corners`, from the places (m, 2) [m] of corners that were found before."""
-    if not len(places):
-        return np.zeros(len(position), dtype=bool)
     return cKDTree(view.in_cells(places)).query(view.in_cells(position))[0] <= GHOST_CELLS
 
 

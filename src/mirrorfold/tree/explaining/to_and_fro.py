@@ -192,8 +192,6 @@ def _face(echoes: Echoes, view: ImageView) -> tuple[Array, Array]:
 
 def bright_echoes(echoes: Echoes, view: ImageView) -> Index:
     """The bright echo of which each echo is a part, (n,): the one that is reached by steps to the brightest nearby."""
-    if not len(echoes):
-        return np.empty(0, dtype=np.intp)
     near = cKDTree(cells := view.in_cells(echoes.position)).query_ball_point(cells, LOBE_CELLS)
     brightest = np.array([some[np.argmax(echoes.amplitude[some])] for some in near], dtype=np.intp)
     while not np.array_equal(further := brightest[brightest], brightest):
@@ -204,7 +202,7 @@ def bright_echoes(echoes: Echoes, view: ImageView) -> Index:
 def _brightest(echoes: Echoes, view: ImageView) -> Array:
     """Amplitude of the brightest echo of each echo's own object, of those before it or unresolved from it, (n,)."""
     level = echoes.amplitude.copy()
-    of_object = object_numbers(view, echoes) if len(echoes) else np.empty(0, dtype=np.intp)
+    of_object = object_numbers(view, echoes)
     for number in np.unique(of_object):
         own = np.flatnonzero(of_object == number)
         own = own[np.argsort(echoes.range[own])]
