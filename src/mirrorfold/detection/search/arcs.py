@@ -163,9 +163,8 @@ class _Arcs:
     def _joined(self, one: ArcMirror, other: ArcMirror) -> Sequence[ArcMirror] | None:
         """Two arcs, fitted together as the halves of one smooth curve; None if they are not, or become implausible."""
         measured = self._centroids(one), self._centroids(other)
-        halves = (
-            fitted_together((one, other), measured, self.view) if all(len(points) for points, _ in measured) else None
-        )
+        known = all(len(points) for points, _ in measured)
+        halves = fitted_together((one, other), measured, self.view) if known else None
         return halves if halves is not None and all(map(self._plausible, halves)) else None
 
     def _halves(self, arc: ArcMirror, free: Mask) -> list[ArcMirror]:
@@ -259,8 +258,7 @@ class _Arcs:
 
     def _row(self, arc: ArcMirror, points: Array, weight: Array) -> Index:
         """Numbers of the points (n, 2) along an arc in the unbroken row that has the most weight."""
-        cell = self.view.cells_at(points)
-        return heaviest_row(arc.along(points), cell, weight)
+        return heaviest_row(arc.along(points), self.view.cells_at(points), weight)
 
     def _plausible(self, arc: ArcMirror) -> bool:
         """Whether radius, length, bulge and span of an arc are in their limits."""

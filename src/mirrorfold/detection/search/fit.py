@@ -133,18 +133,20 @@ def weighted_fit(design: Array, values: Array, weight: Array) -> Array:
     return np.asarray(np.linalg.lstsq(root[:, None] * design, root * values, rcond=None)[0], dtype=float)
 
 
+def weighted_residual(design: Array, values: Array, weight: Array) -> float:
+    """Weighted sum of squared residuals of values (n,) about their `weighted_fit`."""
+    return float(np.sum(weight * (values - design @ weighted_fit(design, values, weight)) ** 2))
+
+
 def kink_residual(along: Array, beside: Array, weight: Array) -> float:
     """Weighted sum of squared residuals [m^2] of points about the best line with one kink, as of two walls that touch.
 
     `along` and `beside` (n,) [m] are the positions of the points along a row and their distances from it. The kink is
     at least a fifth of the row away from either end.
     """
-    residual = np.inf
-    for kink in along.min() + np.linspace(*KINK_SHARES, KINKS) * np.ptp(along):
-        design = np.column_stack([np.ones_like(along), along, np.maximum(along - kink, 0.0)])
-        slopes = weighted_fit(design, beside, weight)
-        residual = min(residual, float(np.sum(weight * (beside - design @ slopes) ** 2)))
-    return residual
+    kinks = along.min() + np.linspace(*KINK_SHARES, KINKS) * np.ptp(along)
+    designs = (np.column_stack([np.ones_like(along), along, np.maximum(along - kink, 0.0)]) for kink in kinks)
+    return min(weighted_residual(design, beside, weight) for design in designs)
 
 
 def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tuple[M, float]:
@@ -225,11 +227,8 @@ def parabola_residual(along: Array, beside: Array, weight: Array) -> float:
     `along` and `beside` (n,) [m] are the positions of the points along the row and their distances from it.
     """
     x = (along - along.mean()) / max(float(np.ptp(along)), np.finfo(float).tiny)
-    design, residual = np.vander(x, 3, increasing=True), []
-    for terms in (2, 3):
-        fit = weighted_fit(design[:, :terms], beside, weight)
-        residual.append(float(np.sum(weight * (beside - design[:, :terms] @ fit) ** 2)))
-    return residual[1] / max(residual[0], float(np.finfo(float).tiny))
+    line, parabola = (weighted_residual(np.vander(x, terms, increasing=True), beside, weight) for terms in (2, 3))
+    return parabola / max(line, float(np.finfo(float).tiny))
 
 
 def _line(sums: Array) -> Array:
