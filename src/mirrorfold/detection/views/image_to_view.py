@@ -42,7 +42,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     InputError
         If the image cannot be used; see `check_samples`.
     """
-    view, axes = _unsampled(image, normalization)
+    view = outline_of(image, normalization)
+    axes = tuple(image[name].values.astype(float) for name in "xy")
     amplitude = sampled(view, image, axes).astype(np.float64)
     done = one_of("image: normalization", str(image.attrs.get("normalization", "none")), RANGE_POWERS)
     amplitude *= view.range[:, None] ** float(view.power - RANGE_POWERS[done])
@@ -52,16 +53,11 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
 
 
-def outline_of(image: xr.DataArray) -> ImageView:
+def outline_of(image: xr.DataArray, normalization: str | None = None) -> ImageView:
     """`to_image_view` without the amplitudes, which take most of the time: only where cells lie and how large they are.
 
     It needs the coordinates and attributes of the image alone.
     """
-    return _unsampled(image, None)[0]
-
-
-def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageView, tuple[Array, Array]]:
-    """The view of an image without its amplitudes, and x and y of the image."""
     check_samples(image, ("y", "x"))
     normalization = one_of("normalization", normalization or "r", RANGE_POWERS)
     attrs = image.attrs
@@ -94,10 +90,9 @@ def _unsampled(image: xr.DataArray, normalization: str | None) -> tuple[ImageVie
     ahead = corners @ broadside
     sines = corners @ along / np.linalg.norm(corners, axis=1) if ahead.min() > 0.0 else np.array([-1.0, 1.0])
     range_, u = _polar_grid((nearest, farthest), (sines.min(), sines.max()), range_cell, u_cell)
-    view = ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
+    return ImageView(radar, along, broadside, range_, u, np.empty((0, 0)), RANGE_POWERS[normalization],
                      range_cell, u_cell, aperture[0], aperture[1], normalization, wavelength, height=height,
                      window=weights, aperture_filled=float(attrs.get("filled_aperture", 0.0)) / wavelength)  # fmt: skip
-    return view, (x, y)
 
 
 def _polar_grid(

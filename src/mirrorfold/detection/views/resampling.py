@@ -20,7 +20,7 @@ ROWS = 64
 """Number of rows of an image, or ranges of a view, that are computed at once."""
 
 
-def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, Array]) -> NDArray[Any]:
+def sampled(view: ImageView, image: xr.DataArray, axes: tuple[Array, ...]) -> NDArray[Any]:
     """Amplitude of the image on the polar grid of the view, (nr, nu).
 
     `axes` are x and y of the pixels. The carrier is removed from a complex image before it is interpolated, if the
@@ -59,7 +59,7 @@ def _splines(values: NDArray[Any]) -> Array:
     return coefficients
 
 
-def interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, Array], **given: Any) -> NDArray[Any]:
+def interpolated(view: ImageView, values: NDArray[Any], axes: tuple[Array, ...], **given: Any) -> NDArray[Any]:
     """Pixels (y, x) interpolated on the polar grid of the view, (nr, nu); options as of `map_coordinates`."""
     x, y = axes
     found = np.empty((view.range.size, view.u.size), dtype=given.pop("output", values.dtype))
