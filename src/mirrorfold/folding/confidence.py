@@ -126,7 +126,9 @@ def with_confidence(
     points.confidence[:] = np.fmin(points.confidence, np.where(points.wall == "", 1.0 - points.passed, points.passed))
     if shares is not None and isinstance(view, ImageView):
         points = _with_shares_of_blurs(points, view, shares)
-    return _with_ghosts(points, found)
+    echoes, nowhere = found.explained, np.full_like(found.explained.position, np.nan)
+    ghosts = Points.of(echoes, echoes.position, confidence=EXPLAINED, error=nowhere, explanation=found.explanation)
+    return joined(points, ghosts)
 
 
 def judged(points: Points, tree: MirrorTree, values: Array, table: Index, tables: Sequence[Weights] = TABLES) -> Array:
@@ -282,11 +284,3 @@ def errors(points: Points, tree: MirrorTree, view: View) -> tuple[Array, Array]:
     cell = view.cell(range_, np.maximum(points.growth, 1.0))
     mirror_error = np.sqrt(np.trace(mirror_variance, axis1=1, axis2=2)) / cell
     return np.sqrt(np.einsum("nii->ni", variance + mirror_variance)), mirror_error
-
-
-def _with_ghosts(points: Points, found: Found) -> Points:
-    """The points; appended, the echoes that do not come from where the image shows them, unfolded."""
-    echoes = found.explained
-    error = np.full_like(echoes.position, np.nan)
-    ghosts = Points.of(echoes, echoes.position, confidence=EXPLAINED, error=error, explanation=found.explanation)
-    return joined(points, ghosts)

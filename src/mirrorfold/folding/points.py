@@ -132,7 +132,9 @@ def fold_back(tree: MirrorTree, view: View | None = None, transparent_walls: Seq
             ))  # fmt: skip
     points = joined(*parts)
     for wall in transparent_walls:
-        points = joined(_tested(points, wall), _passed_points(wall, tree))
+        chain = next((chain_name(node.chain) for node in tree.mirrors if node.mirror is wall.mirror), "?")
+        passed = Points.of(wall.echoes, wall.place, passed=wall.probability, wall=chain, decided=wall.decided)
+        points = joined(_tested(points, wall), passed)
     return points
 
 
@@ -152,12 +154,6 @@ def _tested(points: Points, wall: TransparentWall) -> Points:
         passed=np.where(is_tested, wall.passed[nearest], points.passed),
         decided=np.where(is_tested, wall.decided, points.decided),
     )
-
-
-def _passed_points(wall: TransparentWall, tree: MirrorTree) -> Points:
-    """The echoes that passed through a wall, as points in line of sight."""
-    chain = next((chain_name(node.chain) for node in tree.mirrors if node.mirror is wall.mirror), "?")
-    return Points.of(wall.echoes, wall.place, passed=wall.probability, wall=chain, decided=wall.decided)
 
 
 def owned_blobs(points: Points, sight: LinesOfSight, least: float = 0.0) -> NDArray[np.int16]:
