@@ -34,9 +34,6 @@ PAST_CELLS = 2.0
 """How far past the end of a mirror the image of a wall may go on, in resolution cells: the beam of half of the array is
 as wide."""
 
-MetAt = Callable[[Mirror], Array]
-"""Gives the range [m] at which each line of sight meets a mirror, its `crossing`."""
-
 
 @dataclass(frozen=True, eq=False)
 class Order:
@@ -159,7 +156,7 @@ def _ordered(
 ) -> Order:
     """`order_mirrors`, with any number of mirrors in a chain."""
     met_at = cache(lambda mirror: mirror.crossing(view))  # each pair of mirrors asks for it
-    mirrors, remains = _cut(mirrors, view, settings, met_at)
+    mirrors, remains = _cut(mirrors, view, settings.minimum_length or 0.0, met_at)
     # A piece that is too small for a mirror is still part of a wall. It is no object, and hides nothing.
     margin = settings.wall_margin or 0.0
     face, edge = (faces(some, view, echoes, margin) for some in (mirrors, remains))
@@ -184,14 +181,23 @@ def _ordered(
 
 
 def _cut(
-    mirrors: Sequence[Mirror], view: View, settings: FoldSettings, met_at: MetAt
+    mirrors: Sequence[Mirror], view: View, smallest: float, met_at: Callable[[Mirror], Array]
 ) -> tuple[list[Mirror], list[Mirror]]:
-    """The mirrors, cut where their parent changes; and the pieces that are too small for mirrors."""
+    """The mirrors, cut where their parent changes; and the pieces that are too small for mirrors.
+
+    One row of echoes may be seen by two ways: the image of a wall in another wall at right angles continues the wall.
+    `met_at` gives the `crossing` of a mirror.
+    """
     pieces, remains = [[mirror] for mirror in mirrors], list[Mirror]()
     # A piece of a mirror that is itself cut may be the parent: the second pass uses the pieces of the first.
     for _ in range(2):
-        others = [list(chain(*pieces[:i], *pieces[i + 1 :])) for i in range(len(mirrors))]
-        cut = [_pieces(mirror, rest, view, settings, met_at) for mirror, rest in zip(mirrors, others, strict=True)]
+        cut = list[tuple[list[Mirror], list[Mirror]]]()
+        for i, mirror in enumerate(mirrors):
+            go_on()  # the time grows with the number of others: hundreds of mirrors take a minute
+            others = chain(*pieces[:i], *pieces[i + 1 :])
+            directions, before = _last_before(0, np.stack([met_at(one) for one in (mirror, *others)]))
+            whole = not directions.size or np.all(before == before[0])
+            cut.append(([mirror], []) if whole else mirror.pieces(view, directions, before, smallest))
         pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
     return list(chain(*pieces)), remains
 
@@ -253,20 +259,6 @@ def vertices_of(leg: Mirror, view: ImageView) -> Array:
     near = view.cell_at(leg.center)
     away = np.linalg.norm(view.corners[:, None] - leg.ends, axis=-1).min(axis=1, initial=np.inf)
     return view.corners[(away <= near) | leg.holds(view.corners, near, 0.0)]
-
-
-def _pieces(
-    mirror: Mirror, others: list[Mirror], view: View, settings: FoldSettings, met_at: MetAt
-) -> tuple[list[Mirror], list[Mirror]]:
-    """The pieces of a mirror that is seen by way of several others, and the pieces that are too small for a mirror.
-
-    One row of echoes may be seen by two ways: the image of a wall in another wall at right angles continues the wall.
-    """
-    go_on()  # the time grows with the number of others: hundreds of mirrors take a minute
-    directions, before = _last_before(0, np.stack([met_at(one) for one in (mirror, *others)]))
-    if not directions.size or np.all(before == before[0]):
-        return [mirror], []
-    return mirror.pieces(view, directions, before, settings.minimum_length or 0.0)
 
 
 def _last_before(index: int, crossing: Array) -> tuple[Index, Index]:
