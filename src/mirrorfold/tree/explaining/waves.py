@@ -146,7 +146,7 @@ class SweepWaves:
         """
         if not self._wandering.size:
             weights = view.window if view.window.size else hann(self.sweep["frequency"].size)
-            beyond = np.linspace(0.0, (samples - 1) * float(view.range[1] - view.range[0]), samples)
+            beyond = np.linspace(0.0, (samples - 1) * view.dr, samples)
             sine = view.u[columns] - view.u[0]
             self._wandering = wandering_lobes(self.apertures, wavenumber(self.sweep), sine, weights, beyond)
         return self._wandering

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.types import Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, Mirror, View
+from mirrorfold.detection import Echoes, Mirror, View, any_curved
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.explaining.behind_walls import last_leg, met_by, prolonged_where_hidden
 from mirrorfold.tree.grouping import object_numbers
@@ -52,7 +52,7 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
         All echoes of the view.
     full_pass : callable
     """
-    if any(node.mirror is not None and node.mirror.curved for node in found.tree.walk()):
+    if any(any_curved(node.way) for node in found.tree.walk()):
         return found
     by_chain = prolonged_where_hidden(found)
     transparent_walls = []

@@ -329,8 +329,9 @@ def _key(echoes: Echoes) -> Array:
 def _with_new_mirror(wall: TransparentWall, found: Found) -> TransparentWall:
     """The wall with its mirror as it was found anew: the nearest one in line of sight, if it is at the same place."""
     old = wall.mirror
-    lines = [node.mirror for node in found.tree.mirrors if node.mirror is not None and not node.mirror.curved]
-    near = [line for line in lines if abs(float(line.normal @ old.normal)) > np.cos(np.radians(SAME_WAY_DEG))]
+    near = [
+        line for _, line in flat_walls(found) if abs(float(line.normal @ old.normal)) > np.cos(np.radians(SAME_WAY_DEG))
+    ]
     if not near:
         return wall
     best = min(near, key=lambda line: abs(float(line.beside(old.center))))
