@@ -66,21 +66,10 @@ def edge_on(
 ) -> list[LineMirror]:
     """Mirrors seen edge-on, each between a wall and the image of that wall in the mirror.
 
-    Parameters
-    ----------
-    mirrors : sequence of LineMirror
-        Mirrors in line of sight. Any may be the wall, and any other one its image.
-    rows : sequence of LineMirror
-        Rows of echoes in line of sight that are too short for mirrors; they, too, may be images.
-    view : ImageView
-    echoes : Echoes
-    shortest : float [m]
-        Least length of a mirror: of the part in which the image is seen, or of the faint line.
-
-    Returns
-    -------
-    list of LineMirror
-        As long as the faint line stands out; at most one mirror for each image, that of the highest contrast.
+    Any of the `mirrors`, which are in line of sight, may be the wall, and any other one its image; so may `rows` of
+    echoes in line of sight that are too short for mirrors. `shortest` [m] is the least length of a mirror: of the part
+    in which the image is seen, or of the faint line. The mirrors are as long as that line stands out, and at most one
+    for each image, that of the highest contrast.
     """
     found: list[LineMirror] = []
     for image in (*mirrors, *rows):

@@ -53,18 +53,10 @@ def beyond_shadows(
 ) -> LineMirror:
     """Continue a mirror beyond the shadows of objects, as far as its row of echoes goes on; else return it as it is.
 
-    Parameters
-    ----------
-    mirror : LineMirror
-        Its line is kept: it was fitted to the part that is seen without a gap.
-    view : ImageView
-    echoes : Echoes
-        Only visible ones count; faint ones continue a wall, too.
-    clear : callable
-        See `Clear`.
-    others : sequence of LineMirror, optional
-        If given, the mirror is also continued across gaps in which it is faint, see `goes_on`. These are mirrors that
-        it does not run over: if the wall goes on up to one of them on its line, both meet halfway.
+    Its line is kept: it was fitted to the part that is seen without a gap. Only visible echoes count; faint ones
+    continue a wall, too. If `others` are given, the mirror is also continued across gaps in which it is faint, see
+    `goes_on`. These are mirrors that it does not run over: if the wall goes on up to one of them on its line, both meet
+    halfway.
     """
     backwards = mirror.part(mirror.length, 0.0)
     before, after = (_reach(way, view, echoes, clear, others) - way.length for way in (backwards, mirror))
@@ -76,14 +68,8 @@ def joined(
 ) -> list[LineMirror]:
     """Mirrors that each consist of two rows on one line, with the wall between them hidden by an object.
 
-    Parameters
-    ----------
-    rows : sequence of LineMirror
-        Rows of echoes, too short to be mirrors by themselves.
-    view, echoes, clear
-        As for `beyond_shadows`.
-    shortest : float [m]
-        Least length of a mirror: both rows together must have it, without the gap.
+    The `rows` are too short to be mirrors by themselves. Both together must have at least the length `shortest` [m],
+    without the gap.
     """
     found: list[LineMirror] = []
     for row in sorted(rows, key=lambda row: -row.length):
