@@ -63,7 +63,6 @@ def blocks(
     Parameters
     ----------
     view : View
-        The image by direction and range.
     maps : dict of int to Isometry
         For the number of each mirror, and `ROOT` for none: the map from where the image shows an object to where it
         stands.
@@ -71,10 +70,8 @@ def blocks(
         Coordinates x, y and z of the pixels.
     blobs : (directions, ranges) array of int
         Number of the mirror that each sample is folded by, see `mirrorfold.folding.points.owned_blobs`.
-    amplitude : (directions, ranges) array
-        Amplitude of the image before `gain` is applied.
-    gain : (ranges,) array
-        Factors that undo the spreading with range.
+    amplitude, gain : (directions, ranges) and (ranges,) arrays
+        Amplitude of the image, and the factors, not applied to it yet, that undo the spreading with range.
     through : tuple
         Passages of the lines of sight, two arrays, see `LinesOfSight.passages`, and the margin behind walls [m].
     """

@@ -104,16 +104,8 @@ def with_confidence(
 ) -> Points:
     """The points with confidence and standard errors; appended, the echoes that do not come from where they are seen.
 
-    Parameters
-    ----------
-    points : Points
-        As `fold_back` returns them.
-    found : Found
-        The tree of mirrors and the echoes that the points were made of.
-    shares : callable, optional
-        Measures how much of the energy of each object's echo came back the way it went.
-    corners : callable, optional
-        Tells which echoes are those of right-angled corners.
+    The points are those that `fold_back` makes of what was `found`. `shares` measures how much of the energy of an
+    object's echo came back the way it went; `corners` tells which echoes are those of right-angled corners.
     """
     view = found.sight.view
     if shares is not None:

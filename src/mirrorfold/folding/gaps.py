@@ -51,20 +51,9 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     1956), with distances in resolution cells, by whatever chains they were seen: so a gap is the same before folding
     and after. It is closed if both ends have the same chain, and lie on the face of the same mirror or on none.
 
-    Parameters
-    ----------
-    points : Points
-        With their confidence.
-    tree : MirrorTree
-        The root of the tree of mirrors, by which the points were folded.
-    view : ImageView
-        The image that they were found in.
-
-    Returns
-    -------
-    Points
-        A new point has the amplitude of the image at its place, and the confidence of the less certain end of its gap.
-        What is known of echoes alone, such as `confocal`, is NaN.
+    The points, which have their confidence, were found in the image of the `view`, and folded by the mirrors below the
+    root `tree`. A new point has the amplitude of the image at its place, and the confidence of the less certain end of
+    its gap. What is known of echoes alone, such as `confocal`, is NaN.
     """
     if len(points.initial) < 2:
         return points

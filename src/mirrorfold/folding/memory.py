@@ -34,12 +34,8 @@ ECHO_BYTES = 24.0
 def fold_parts(image: xr.DataArray, sweep: xr.Dataset | None = None) -> Parts:
     """The arrays of `mirrorfold.fold` at the stage that holds most at once, by name [bytes].
 
-    Parameters
-    ----------
-    image : DataArray
-        Only the shape and the type matter, and whether the values are finite.
-    sweep : xarray.Dataset, optional
-        The sweep by which echoes are tested.
+    Of the image only the shape and the type matter, and whether the values are finite; by the `sweep`, echoes are
+    tested.
 
     Raises
     ------

@@ -65,19 +65,10 @@ def figures(
 ) -> Figures:
     """All figures of some points; those that are undefined are None.
 
-    Parameters
-    ----------
-    points : (n, d) array [m]
-        Thinned points, see `thinned`.
-    count : (n,) array of int
-        Number of points that each of them stands for.
-    distance : (n,) array [m]
-        Distance of each point from the nearest true surface.
-    reachable : (m, d) array [m]
-        Samples of the truth that could be seen.
-    cell : (n,) array [m], optional
-        Diagonal of the resolution cell of each point. In the figures in cells, a sample of the truth is covered if the
-        point nearest to it is within `WITHIN_CELLS` of that point's own cell.
+    The points (n, d) [m] are `thinned`, and each stands for `count` (n,) of them. `distance` (n,) [m] is that from the
+    nearest true surface, and `reachable` (m, d) [m] are samples of the truth that could be seen. `cell` (n,) [m] is the
+    diagonal of the resolution cell of each point, if it is known. In the figures in cells, a sample of the truth is
+    covered if the point nearest to it is within `WITHIN_CELLS` of that point's own cell.
     """
     to_points, nearest = cKDTree(points).query(reachable)  # infinite without points
     one_way, other_way = _mean(distance), _mean(to_points)

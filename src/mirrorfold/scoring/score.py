@@ -202,18 +202,10 @@ def _judge(
 ) -> tuple[SomeFigures, SomeFigures, dict[str, SomeFigures]]:
     """The figures of all points; of those that claim to be out of sight; and of these by the surface nearest to them.
 
-    Parameters
-    ----------
-    points : (n, d) array [m]
-    cells : two (n,) arrays [m]
-        Diagonals of the resolution cells, with and without the widening by curved mirrors; None where they are unknown.
-        Those without it decide which points claim to be out of sight: a point is not in sight because a curved mirror
-        has made its cell wide.
-    truth : Truth
-    kind : type
-        `PlanFigures` or `VolumeFigures`.
-    size : str
-        The field of `kind` for the length or area of the truth that can be seen.
+    The points (n, d) [m] have `cells`, (n,) [m] each: diagonals of the resolution cells, with and without the widening
+    by curved mirrors; None where they are unknown. Those without it decide which points claim to be out of sight: a
+    point is not in sight because a curved mirror has made its cell wide. `kind` is `PlanFigures` or `VolumeFigures`,
+    and `size` its field for the length or area of the truth that can be seen.
     """
     every, count = thinned(points)
     nearest_point = cKDTree(points).query(every)[1]
