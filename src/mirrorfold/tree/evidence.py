@@ -146,14 +146,13 @@ def with_rows(
     ----------
     found : Found
         The result without these rows.
-    view : View
-    steps : Steps
+    view, steps
     proposed : callable
         Returns rows that may be mirrors, from what is found so far.
     fewest : int
         Least number of resolution cells behind a row that hold echoes which count as evidence.
-    selected : callable, optional
-        Returns which echoes count as evidence for a row; `behind` by default.
+    selected : callable
+        Returns which echoes count as evidence for a row.
     is_enough : callable
         Returns whether the evidence is enough.
     besides : sequence of Mirror

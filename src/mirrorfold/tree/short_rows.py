@@ -44,18 +44,9 @@ def find_short(
 ) -> tuple[Found, list[Mirror]]:
     """Steps 2 to 4 once more with short mirrors: the result, and the mirrors with those of `besides`.
 
-    Parameters
-    ----------
-    found : Found
-        The result so far, with all other mirrors.
-    view : ImageView
-    steps : Steps
-    minimum_length : float [m]
-        Least length of mirrors that are found by their own echoes.
-    corners : callable, optional
-        Tells which places (n, 2) [m] of the image are vertices of corners, (n,).
-    besides : sequence of Mirror
-        Mirrors of `found` that steps 2 to 4 do not find by themselves, such as curved ones.
+    `found` is the result so far. It holds `besides`, mirrors that steps 2 to 4 do not find by themselves, such as
+    curved ones. `minimum_length` [m] is that of mirrors that are found by their own echoes, and `corners` tells which
+    places (n, 2) [m] of the image are vertices of corners, (n,).
     """
     proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length, corners=corners)
     return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)[:2]

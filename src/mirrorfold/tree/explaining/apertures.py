@@ -98,17 +98,10 @@ def grating_lobe(aperture: Aperture, k: float) -> float:
 def beside_main_lobe(sides: list[Aperture], k: Array, sine: Array) -> Array:
     """Amplitude, relative to an echo, of its lobe in the image at directions whose u differs by `sine`, (n,).
 
-    This is the product of the beams of both apertures, unweighted, as in an image all antennas count alike. The largest
-    product over the band is taken, for grating lobes wander with the wavelength. It is set to zero where it is not well
-    above the side lobes of full apertures of the same lengths L in wavelengths, ``1 / (pi L u)`` for each aperture.
-
-    Parameters
-    ----------
-    sides : list of Aperture
-        The transmitters and the receivers.
-    k : (frequencies,) array [rad/m]
-        Wavenumbers of the band.
-    sine : (n,) array
+    This is the product of the beams of both apertures, the `sides`, unweighted, as in an image all antennas count
+    alike. The largest product over the band of wavenumbers `k` [rad/m] is taken, for grating lobes wander with the
+    wavelength. It is set to zero where it is not well above the side lobes of full apertures of the same lengths L in
+    wavelengths, ``1 / (pi L u)`` for each aperture.
     """
     some = np.linspace(float(k[0]), float(k[-1]), BAND_SAMPLES)
     level = _lobes(sides, some, sine).max(axis=0)

@@ -93,15 +93,10 @@ def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
 
 
 def _passed(surfaces: list[_Surface], leaves: Array, stands: Array, amplitude: Array, cell: Array) -> Mask:
-    """Whether straight paths pass through one of the surfaces well before they end, (n,).
+    """Whether straight paths from `leaves` to `stands`, (n, 2) [m] each, pass through a surface well before their end,
+    (n,).
 
-    Parameters
-    ----------
-    surfaces : list of _Surface
-    leaves, stands : (n, 2) arrays [m]
-        Where the paths begin, and the true places of the echoes, where they end.
-    amplitude, cell : (n,) arrays
-        Amplitude of the echo at the end of each path, and its resolution cell [m].
+    At the end of each path would stand an echo of an `amplitude` and a resolution `cell` [m], (n,) each.
     """
     path, passed = stands - leaves, np.zeros(len(stands), dtype=bool)
     length = np.maximum(np.linalg.norm(path, axis=1), np.finfo(float).tiny)

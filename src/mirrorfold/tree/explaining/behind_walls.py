@@ -131,21 +131,12 @@ def met_by(
     walls: Iterable[Sequence[Mirror]], leaves: Array, stands: Array, cell: Array, growth: Array | float = 1.0, *,
     surely: bool = True,
 ) -> Mask:  # fmt: skip
-    """Whether straight paths meet one of the walls well before their end, (n,).
+    """Whether straight paths from `leaves` to `stands`, (n, d) [m] each, meet a wall well before their end, (n,).
 
-    Parameters
-    ----------
-    walls : iterable of sequences of Mirror
-        Each wall, preceded by the mirrors by way of which it is seen. Curved ones are not tested.
-    leaves, stands : (n, d) arrays [m]
-        Where the paths begin and end.
-    cell : (n,) array [m]
-        Resolution cell at the end of each path, as flat mirrors show it.
-    growth : (n,) array, optional
-        Factor by which a curved mirror, where the path begins, widens the cell at its end.
-    surely : bool
-        Whether paths that may as well pass beside the wall, or begin or end at it, count as paths that do not meet it;
-        otherwise as paths that do.
+    Each wall is preceded by the mirrors by way of which it is seen; curved ones are not tested. `cell` (n,) [m] is the
+    resolution cell at the end of each path, as flat mirrors show it, and `growth` (n,) the factor by which a curved
+    mirror at its beginning widens it. Paths that may as well pass beside the wall, or begin or end at it, count as
+    paths that do not meet it, or, if not only those count that `surely` do, as paths that do.
     """
     met = np.zeros(len(stands), dtype=bool)
     for way in walls:

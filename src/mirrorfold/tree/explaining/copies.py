@@ -68,15 +68,9 @@ def copy_level(view: ImageView, row: Index, column: Index, times: Array) -> Arra
     """Amplitude of a copy relative to its echo, for each delay in samples of range, (delays,); zero if there is none.
 
     Echoes that touch each other are one group. At each delay, the group has the median of the relative amplitudes
-    behind its echoes. The level is the amplitude that the share `FOLLOWED` of all groups exceeds.
-
-    Parameters
-    ----------
-    view : ImageView
-    row, column : (n,) arrays of int
-        Samples of range and direction of strong echoes.
-    times : (n,) array
-        How often the wave of each echo has met the pulse or wall that makes the copies.
+    behind its echoes. The level is the amplitude that the share `FOLLOWED` of all groups exceeds. The strong echoes are
+    at the samples `row` and `column` (n,) of range and direction, and their waves have met the pulse or wall that makes
+    the copies so many `times`, (n,).
     """
     amplitude = view.amplitude
     level = np.zeros(len(amplitude))

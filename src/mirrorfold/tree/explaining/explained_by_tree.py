@@ -32,16 +32,8 @@ def without_explained(
 ) -> Found:
     """What was found, without the object echoes that the tree gives another cause.
 
-    The causes are those that the package lists under "With the whole tree".
-
-    Parameters
-    ----------
-    found : Found
-    view : View
-    rejected : sequence of Mirror
-        Curved rows of echoes that were not proved to be mirrors.
-    corners : callable, optional
-        Tells which places (n, 2) [m] of the image are vertices of corners, (n,).
+    The causes are those that the package lists under "With the whole tree". Curved rows of echoes in `rejected` were
+    not proved to be mirrors; `corners` tells which places (n, 2) [m] of the image are vertices of corners, (n,).
     """
     longer = prolonged_where_hidden(found)
     if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them

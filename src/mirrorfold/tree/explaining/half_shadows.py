@@ -82,17 +82,10 @@ class Overhangs:
 
 
 def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) -> Overhangs:
-    """The overhangs of the mirrors of an order, from which antennas receive which echoes.
+    """The overhangs of the mirrors of an order, from which antennas receive which of the echoes that it was found with.
 
-    Parameters
-    ----------
-    order : Order
-    echoes : Echoes
-        The echoes that the order was found with.
-    waves : SweepWaves
-        Of several transmitters and receivers.
-    known : dict
-        Measurements of earlier calls; those of this call are added.
+    The `waves` are of several transmitters and receivers. `known` holds the measurements of earlier calls; those of
+    this call are added.
     """
     view = order.sight.view
     overhangs = Overhangs.nothing()
@@ -167,14 +160,8 @@ def _zones(view: ImageView, range_: Array, end: Array) -> Array:
 def _overhang(outside: Array, into: Mask, reach: float) -> float:
     """Length [m] beyond its end up to which a mirror is met, chosen so that the fewest echoes are on the wrong side.
 
-    Parameters
-    ----------
-    outside : (n,) array [m]
-        Distance beyond the end at which each echo's line of sight passes.
-    into : (n,) bool array
-        Which echoes are seen by way of the mirror.
-    reach : float [m]
-        Distance beyond the outermost of these echoes at which the mirror may be taken to end.
+    The line of sight of each echo passes `outside` [m] beyond the end, (n,), and `into` (n,) marks the echoes that are
+    seen by way of the mirror. The mirror may be taken to end up to `reach` [m] beyond the outermost of them.
     """
     if not outside.size:
         return 0.0

@@ -32,12 +32,7 @@ MOST_REFLECTIONS = 3
 def reflected_on(found: Found, view: ImageView, walls: Mapping[Chain, Sequence[Mirror]]) -> dict[Chain, Mask]:
     """Which object echoes of each chain were reflected on to a known place, (n,) each.
 
-    Parameters
-    ----------
-    found : Found
-    view : ImageView
-    walls : mapping of chain to sequence of Mirror
-        Known walls and flat objects, each with the mirrors before it by way of which it is seen.
+    The `walls` are known walls and flat objects, each with the mirrors before it by way of which it is seen, by chain.
     """
     ends = {chain: true_ends(tuple(way)) for chain, way in walls.items() if way and not any_curved(way)}
     nodes = list(found.tree.walk())
@@ -111,16 +106,9 @@ def _near_end(wall: Array, leaves: Array, stands: Array, range_: Array, view: Im
 def _followed(leaves: Array, place: Array, first: int, walls: Sequence[Array], cell: float) -> Array:
     """The true place (2,) [m] at the end of a path that is reflected at a first wall, and then at those that it meets.
 
-    Parameters
-    ----------
-    leaves, place : (2,) arrays [m]
-        Where the path begins, and where it would end if nothing reflected it.
-    first : int
-        Number of the wall that reflects it first.
-    walls : sequence of (2, 2) arrays [m]
-        The ends of each wall.
-    cell : float [m]
-        Resolution cell at the end of the path: walls closer than `BEHIND_CELLS` to an end of a leg are not met.
+    If nothing reflected it, the path would lead from `leaves` to `place`, (2,) [m] each. The walls are given by their
+    ends, (2, 2) [m]; `first` is the number of the first one. At the end, a resolution cell is `cell` [m] wide: walls
+    closer than `BEHIND_CELLS` such cells to an end of a leg are not met.
     """
     met = first
     for _ in range(MOST_REFLECTIONS):

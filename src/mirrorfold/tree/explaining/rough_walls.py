@@ -44,15 +44,8 @@ in resolution cells beside it."""
 def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> Mask:
     """Which echoes behind mirrors these may have scattered towards other walls or objects and back, (n,).
 
-    Echoes in a row that was taken for a mirror may be among them. In a volume there are none.
-
-    Parameters
-    ----------
-    order : Order
-        Of the mirrors, with the `face` of the same echoes.
-    echoes : Echoes
-    corners : callable, optional
-        Which places (n, 2) [m] of the image show right-angled corners, (n,).
+    The `order` of the mirrors is that of the same echoes; those in a row that was taken for a mirror may be among them.
+    In a volume there are none. `corners` tells which places (n, 2) [m] of the image show right-angled corners, (n,).
     """
     found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
     if not isinstance(view, ImageView):
@@ -103,14 +96,10 @@ class _Surface:
         return echoes.range - self.crossing[echoes.direction]
 
     def median_amplitude(self, depth: Array, counts: Mask) -> Array:
-        """Median amplitude of the image at given distances behind places of the wall, (m,); infinite without places.
+        """Median amplitude of the image at distances behind places of the wall, (m,); infinite without places.
 
-        Parameters
-        ----------
-        depth : (directions, m) array [m]
-            The distance behind each place, along its line of sight.
-        counts : (directions, m) or (directions, 1) bool array
-            Which places count.
+        The `depth` (directions, m) [m] is along the line of sight of each place; `counts` (directions, m or 1) marks
+        the places that count.
         """
         view, half = self.view, round(EXPECTED_CELLS * self.view.range_cell / self.view.dr)
         row = np.rint((self.crossing[self.directions, None] + depth - view.range[0]) / view.dr).astype(np.intp)

@@ -46,15 +46,7 @@ def seen_behind_walls(found: Found, view: View, images: Mapping[str, xr.DataArra
     """What the image "TM" shows behind each flat wall in line of sight, in both polarizations.
 
     If the names are exchanged, this image shows what walls reflect; near Brewster's angle, the image "TE" does not.
-
-    Parameters
-    ----------
-    found : Found
-        Mirrors and echoes of the image "TM".
-    view : View
-        The view of this image.
-    images : mapping of str to DataArray
-        Complex images by polarization, "TE" and "TM".
+    `found` and `view` are those of the image "TM"; both `images` are complex.
     """
     behind = []
     for index, mirror in flat_walls(found):

@@ -60,16 +60,9 @@ Tables = tuple[Any, ...]
 def tables(pairs: Pairs, whole: Spectra, long: Spectra, taper: Array, powers: tuple[float, ...]) -> Tables:
     """What does not depend on the wall.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        The echoes behind the wall.
-    whole, long : (2, n, m) complex arrays
-        Spectra of the whole echoes in TE and TM, and of long pieces around them.
-    taper : (m,) array
-        The window over frequency that these spectra contain.
-    powers : tuple of float
-        Powers of frequency with which the amplitude of glints may fall.
+    `whole` and `long` (2, n, m) are the spectra of whole echoes in TE and TM, and of long pieces around them, which
+    contain the window over frequency `taper` (m,). The amplitude of glints may fall with any of the `powers` of
+    frequency.
     """
     k = pairs.wavenumber
     offset = np.pad(k - k.mean(), (0, -k.size % LANES))
@@ -94,14 +87,8 @@ def likelihoods(
 ) -> Array:
     """Logarithms of the likelihoods of reflected and of passed echoes over those of arbitrary spectra, (kinds, w, n).
 
-    Parameters
-    ----------
-    permittivity, thickness, rms_height : (w,) arrays
-        Of the walls; thickness and rms height of the faces in [m].
-    of : tuple of array
-        The `tables` of the echoes.
-    kinds : int
-        One for reflected echoes alone.
+    The walls have a permittivity, a thickness [m] and an rms height of the faces [m], (w,) each; `of` are the `tables`
+    of the echoes. With one of the two `kinds`, of reflected echoes alone.
     """
     out = np.empty((kinds, thickness.size, of[1].size))  # of[1] are the angles
     over_walls(_likelihoods, thickness.size, permittivity, thickness, rms_height, *of, out)

@@ -41,16 +41,8 @@ SAME_PLACE = 1.5
 def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pass) -> Found:
     """Steps 2 to 4 once more without the echoes that, by geometry, passed through walls; unchanged if none did.
 
-    If any mirror is curved, nothing is guessed: the echoes behind curved mirrors are judged by other tests.
-
-    Parameters
-    ----------
-    found : Found
-        The result with all echoes behind walls taken for reflected ones.
-    view : View
-    every : Echoes
-        All echoes of the view.
-    full_pass : callable
+    `found` takes all echoes behind walls for reflected ones; `every` are all echoes of the view. If any mirror is
+    curved, nothing is guessed: the echoes behind curved mirrors are judged by other tests.
     """
     if any(any_curved(node.way) for node in found.tree.walk()):
         return found

@@ -32,16 +32,9 @@ def misfits(
 ) -> Array:
     """Power of echoes that is not parallel to what walls reflect, and to what passes through them, (2, w, n).
 
-    Parameters
-    ----------
-    permittivity, thickness : (w,) arrays
-        Of the walls; thickness in [m].
-    wavenumber : (m,) array [rad/m]
-        In equal steps.
-    angle : (n,) array [rad]
-        Angles of incidence of the echoes.
-    ratio : (n, 3, m) complex array
-        Of the echoes: powers of TE and of TM, and TM times the conjugate of TE.
+    The walls have a permittivity and a thickness [m], (w,) each. The echoes have an `angle` of incidence [rad], (n,),
+    and as `ratio` (n, 3, m), at each `wavenumber` (m,) [rad/m], the powers of TE and of TM, and TM times the conjugate
+    of TE. Wavenumbers are in equal steps.
     """
     out = np.empty((2, thickness.size, angle.size))
     over_walls(_misfits, thickness.size, permittivity, thickness, wavenumber, angle, ratio, out)

@@ -112,19 +112,9 @@ def find_transparent(
 ) -> Found:
     """Steps 2 to 4 once more without the echoes that passed through walls; unchanged if none did.
 
-    Parameters
-    ----------
-    found : Found
-        The result with all echoes behind walls taken for reflected ones.
-    view : View
-        The view of one of the images.
-    images : mapping of str to DataArray
-        Complex images by polarization, "TE" and "TM".
-    every : Echoes
-        All echoes of the view.
-    full_pass : callable
-    walls : (n,) bool array, optional
-        With given mirrors: which of `every` are of walls.
+    `found` takes all echoes behind walls for reflected ones. The `images` are complex, by polarization, "TE" and "TM";
+    `view` is that of one of them, and `every` are all of its echoes. Where mirrors are given, `walls` (n,) marks those
+    of walls.
     """
     tested = (look_through(found, view, images, *each) for each in flat_walls(found))
     passed_by = [wall for wall in tested if wall is not None and (wall.pane is not None or len(wall.echoes))]

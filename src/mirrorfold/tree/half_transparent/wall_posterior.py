@@ -129,12 +129,8 @@ def _trials(glints: Glints, space: _Space) -> Array:
 def _sampled(space: _Space, trials: Array, coarse: Array, likelihood: Callable[[Walls], Array]) -> tuple[Array, Array]:
     """Numbers of walls that represent a likelihood, (w, 4), and its logarithm, (w,).
 
-    Parameters
-    ----------
-    trials, coarse : (t, 4) and (t,) arrays
-        Numbers of walls that were tried, and about the logarithm of their likelihood.
-    likelihood : callable
-        Its logarithm for walls, (w,).
+    The numbers `trials` (t, 4) are of walls that were tried, with about the logarithm `coarse` (t,) of their
+    likelihood; `likelihood` gives this logarithm for walls, (w,).
     """
     random = np.random.default_rng(0)
     power = _next_power(coarse, 0.0, EVEN * POPULATION / coarse.size)
