@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
+from scipy.ndimage import binary_closing
 
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import Array, Index, Mask
@@ -49,8 +48,5 @@ def longest_run(mask: Mask) -> slice | None:
 
 def without_gaps(mask: Mask, most: int) -> Mask:
     """A mask (n,) in which False values between two True ones are True, too, if they are at most `most` in a row."""
-    filled = mask.copy()
-    for before, behind in pairwise(np.flatnonzero(mask).tolist()):
-        if behind - before - 1 <= most:
-            filled[before:behind] = True
-    return filled
+    pad = most + 1  # beyond its ends, a mask is False
+    return np.asarray(binary_closing(np.pad(mask, pad), np.ones(pad))[pad:-pad])
