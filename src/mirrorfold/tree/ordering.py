@@ -62,21 +62,16 @@ class Order:
         return found
 
     def images_in_corners(self) -> Mask:
-        """Which mirrors are images of a known wall by way of both legs of a corner, (mirrors,)."""
-        return np.array(
-            [self._is_seen_in_both_legs(index, mirror) for index, mirror in enumerate(self.mirrors)], dtype=bool
-        )
-
-    def _is_seen_in_both_legs(self, index: int, mirror: Mirror) -> bool:
-        """Whether a mirror is seen in the leg of a corner, and is the image of a known wall in both of its legs."""
-        leg = int(self.sight.parent[index])
-        if leg < 0 or not isinstance(self.sight.view, ImageView) or not isinstance(mirror, LineMirror):
-            return False
-        before = int(self.sight.parent[leg])
-        walls = [self.mirrors[wall] for wall in np.flatnonzero(self.sight.parent == before).tolist() if wall != leg]
-        walls += [self.mirrors[before]] if before >= 0 else []
-        corners = vertices_of(self.mirrors[leg], self.sight.view)
-        return any(is_image(mirror, 2.0 * vertex - mirror.ends, walls, self.sight.view) for vertex in corners)
+        """Which mirrors are seen in one leg of a corner, and are images of a known wall by way of both, (mirrors,)."""
+        view, parents, found = self.sight.view, self.sight.parent.tolist(), np.zeros(len(self.mirrors), dtype=bool)
+        for index, (mirror, leg) in enumerate(zip(self.mirrors, parents, strict=True)):
+            if leg >= 0 and isinstance(view, ImageView) and isinstance(mirror, LineMirror):
+                before = parents[leg]
+                walls = [wall for i, wall in enumerate(self.mirrors) if parents[i] == before and i != leg]
+                walls += [self.mirrors[before]] if before >= 0 else []
+                images = [2.0 * vertex - mirror.ends for vertex in vertices_of(self.mirrors[leg], view)]
+                found[index] = any(is_image(mirror, image, walls, view) for image in images)
+        return found
 
     def mirrors_to(self, index: int) -> tuple[Mirror, ...]:
         """The mirrors by way of which the radar looks into mirror `index`, this one last; none for `ROOT`."""
