@@ -9,8 +9,6 @@ between neighbouring echoes of an opaque object, well inside of the object.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -61,22 +59,9 @@ def behind_objects(found: Found, view: ImageView) -> dict[Chain, Mask]:
     return behind
 
 
-class _Surface(NamedTuple):
-    """The echoes of one surface.
-
-    Attributes
-    ----------
-    places : (n, 2) array [m]
-        Their true places.
-    neighbours : (k, 2) array of int
-        Pairs of neighbouring echoes, by their numbers.
-    brightest : float
-        Their largest amplitude.
-    """
-
-    places: Array
-    neighbours: Index
-    brightest: float
+_Surface = tuple[Array, Index, float]
+"""The echoes of one surface: their true places (n, 2) [m], the pairs (k, 2) of those that are neighbours, by their
+numbers, and their largest amplitude."""
 
 
 def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
@@ -84,11 +69,11 @@ def _surfaces(places: Array, amplitude: Array, cell: Array) -> list[_Surface]:
     pairs = cKDTree(places).query_pairs(NEIGHBOURS_CELLS * cell.max(initial=0.0), output_type="ndarray")
     apart = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
     pairs = pairs[apart <= NEIGHBOURS_CELLS * cell[pairs].min(axis=1, initial=np.inf)]
-    surface, found = connected(pairs, len(places)), []
+    surface, found = connected(pairs, len(places)), list[_Surface]()
     for number in np.unique(surface[pairs]):
         own = np.flatnonzero(surface == number)
         neighbours = np.searchsorted(own, pairs[surface[pairs[:, 0]] == number])
-        found.append(_Surface(places[own], neighbours, float(amplitude[own].max())))
+        found.append((places[own], neighbours, float(amplitude[own].max())))
     return found
 
 

@@ -11,8 +11,6 @@ places that a leg of the corner looks at squarely.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from mirrorfold.common.decibels import ratio_of
@@ -121,39 +119,24 @@ def _square_to(wall: Array, rough: _Surface, echoes: Echoes) -> Mask:
     return before & (np.abs(distance[at] - rough.depth_behind(echoes)) <= off)
 
 
-class _Objects(NamedTuple):
-    """Objects, one for each resolution cell of the image.
-
-    Attributes
-    ----------
-    seen, places : (m, 2) arrays [m]
-        Their places in the image, and their true places.
-    level : (m,) array
-        Their amplitudes.
-    """
-
-    seen: Array
-    places: Array
-    level: Array
-
-
 def _of_objects(
-    objects: _Objects, order: Order, number: int, rough: _Surface, echoes: Echoes, single: Mask, corners: Corners | None
-) -> Mask:
+    objects: tuple[Echoes, Array], order: Order, number: int, rough: _Surface, echoes: Echoes, single: Mask,
+    corners: Corners | None,
+) -> Mask:  # fmt: skip
     """Which echoes the rough wall of that `number` may make of bright objects, (n,).
 
-    Echoes that are `single` (n,) lie in no row.
+    The objects are the result of `_objects`. Echoes that are `single` (n,) lie in no row.
     """
-    view = order.sight.view
+    view, (bright, places) = order.sight.view, objects
     # The path over the wall is shortest where it reflects the object. By all other places the object appears farther.
-    image = in_image(order.mirrors_to(number), objects.places)
+    image = in_image(order.mirrors_to(number), places)
     nearest, apart = np.linalg.norm(image - view.radar, axis=1), FROM_IMAGE_CELLS * view.range_cell
-    distance = np.linalg.norm(rough.places[:, None] - objects.places, axis=2)
+    distance = np.linalg.norm(rough.places[:, None] - places, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.depth_behind(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
     beside = np.abs(view.in_cells(echoes.position)[:, None, 1] - view.in_cells(image)[:, 1]) >= FROM_IMAGE_CELLS
     later = echoes.range[:, None] >= nearest + np.where(single, apart, 0.0)[:, None]
     found &= later | (beside & (echoes.range[:, None] >= nearest))
-    found &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * objects.level
+    found &= echoes.amplitude[:, None] <= ratio_of(WEAKER_DB) * bright.amplitude
     some = np.flatnonzero(found.any(axis=0))
     far = rough.crossing[rough.directions, None] + distance[:, some] >= nearest[some] + apart
     usual = rough.median_amplitude(distance[:, some], far)
@@ -161,13 +144,13 @@ def _of_objects(
     faint = echoes.amplitude[:, None] <= most
     legs = np.zeros(some.size, dtype=bool)
     if corners is not None:
-        bright = (found[:, some] & ~faint).any(axis=0)
-        legs[bright] = corners(objects.seen[some[bright]])
+        asked = (found[:, some] & ~faint).any(axis=0)
+        legs[asked] = corners(bright.position[some[asked]])
     return (found[:, some] & (faint | legs)).any(axis=1)
 
 
-def _objects(order: Order, echoes: Echoes) -> _Objects:
-    """The objects, direct and by way of mirrors."""
+def _objects(order: Order, echoes: Echoes) -> tuple[Echoes, Array]:
+    """The brightest echo of objects in each cell, direct and by way of mirrors; and their true places (m, 2) [m]."""
     view = order.sight.view
     objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
     objects = objects.take(view.brightest(objects.position, objects.amplitude))
@@ -176,4 +159,4 @@ def _objects(order: Order, echoes: Echoes) -> _Objects:
     places = np.empty_like(objects.position)
     for index in np.unique(through):
         places[through == index] = order.fold(int(index))(objects.position[through == index])
-    return _Objects(objects.position, places, objects.amplitude)
+    return objects, places
