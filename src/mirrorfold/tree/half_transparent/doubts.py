@@ -15,15 +15,7 @@ from scipy.special import expit, logsumexp
 
 from mirrorfold.common.decibels import NEPER
 from mirrorfold.common.types import Array, Mask
-from mirrorfold.tree.half_transparent.panes import (
-    BATCH,
-    ECHO_DB,
-    ECHOES_AS_ONE,
-    OBJECT_DB,
-    SHARES,
-    Pairs,
-    walls_to_try,
-)
+from mirrorfold.tree.half_transparent.panes import BATCH, ECHO_DB, ECHOES_AS_ONE, OBJECT_DB, SHARES, Pairs, walls_to_try
 
 DOUBTFUL = 0.1, 0.9
 """Probabilities between which it is doubtful whether an echo passed."""

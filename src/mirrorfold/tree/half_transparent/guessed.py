@@ -21,13 +21,7 @@ from mirrorfold.detection import Echoes, Mirror, View, any_curved
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.explaining.behind_walls import last_leg, met_by, prolonged_where_hidden
 from mirrorfold.tree.grouping import object_numbers
-from mirrorfold.tree.half_transparent.transparent import (
-    BY_GEOMETRY,
-    FEWEST,
-    UNDECIDED,
-    TransparentWall,
-    taken_out,
-)
+from mirrorfold.tree.half_transparent.transparent import BY_GEOMETRY, FEWEST, UNDECIDED, TransparentWall, taken_out
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 GUESS = 0.8
@@ -61,10 +55,7 @@ def guess_transparent(found: Found, view: View, every: Echoes, *, full_pass: Pas
 
 
 def passage_by_geometry(
-    found: Found,
-    view: View,
-    node: MirrorTree,
-    by_chain: Mapping[Chain, tuple[Mirror, ...]],
+    found: Found, view: View, node: MirrorTree, by_chain: Mapping[Chain, tuple[Mirror, ...]]
 ) -> Array:
     """Probability that each object echo of `node`, behind its wall, passed through the wall, (n,)."""
     echoes, chain = node.objects, node.chain

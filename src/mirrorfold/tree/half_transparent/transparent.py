@@ -23,14 +23,7 @@ from mirrorfold.common.types import Array, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.echoes import noise_limit
-from mirrorfold.detection.views.spectra import (
-    LONG_CELLS,
-    WHOLE_CELLS,
-    independent,
-    spectra,
-    tapers,
-    wavenumbers,
-)
+from mirrorfold.detection.views.spectra import LONG_CELLS, WHOLE_CELLS, independent, spectra, tapers, wavenumbers
 from mirrorfold.tree.assignment import Found, Pass
 from mirrorfold.tree.half_transparent.doubts import passage_by_polarization
 from mirrorfold.tree.half_transparent.panes import Pairs, Pane, find_pane

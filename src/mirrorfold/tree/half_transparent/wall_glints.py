@@ -24,14 +24,7 @@ from numpy.typing import NDArray
 
 from mirrorfold.common.types import Array
 from mirrorfold.tree.half_transparent.glint_likelihoods import Tables, likelihoods, tables
-from mirrorfold.tree.half_transparent.panes import (
-    MOST_ODDS,
-    OTHER_SHARE,
-    Pairs,
-    Pane,
-    Spectra,
-    best_mixture,
-)
+from mirrorfold.tree.half_transparent.panes import MOST_ODDS, OTHER_SHARE, Pairs, Pane, Spectra, best_mixture
 
 STEEPEST = -2.0
 """Steepest power of frequency with which the amplitude of glints falls: by the spreading of line sources, and by
