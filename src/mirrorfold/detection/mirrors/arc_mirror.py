@@ -125,10 +125,6 @@ class ArcMirror(Mirror[ImageView]):
         """Distance [m] of points (..., 2) from the circle, positive outside."""
         return np.linalg.norm(points - self.middle, axis=-1) - self.radius
 
-    def behind(self, view: ImageView, points: Array) -> Array:
-        """How far [m] points (..., 2) lie behind the circle: inside it if it is convex, outside if it is concave."""
-        return -self.beside(points) if self.convex else self.beside(points)
-
     def met(self, sight: Array) -> Array:
         """Range [m] at which lines of sight (n, 2) meet the circle, NaN where they miss it: its near side if it is
         convex, its far side if it is concave.
@@ -201,8 +197,7 @@ class ArcMirror(Mirror[ImageView]):
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:
         """Square to the arc."""
-        outward = self.outward(self.along(places))
-        inward = -outward if self.convex else outward
+        inward = self.side(view) * self.outward(self.along(places))
         return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
     def independent(self, view: ImageView) -> float:

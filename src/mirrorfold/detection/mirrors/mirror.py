@@ -188,9 +188,13 @@ class Mirror(ABC, Generic[V]):
         """Signed distance [m] of points (..., d) from its line or plane, positive on the side of `normal`."""
         return signed_distance(points, self.center, self.normal)
 
+    def side(self, view: V) -> float:
+        """-1 if the `normal` points to the side of the radar, else 1."""
+        return -1.0 if (view.radar - self.center) @ self.normal > 0.0 else 1.0
+
     def inward(self, view: V) -> Array:
         """The unit normal that points away from the radar, (d,)."""
-        return self.normal * (-np.sign((view.radar - self.center) @ self.normal) or 1.0)
+        return self.side(view) * self.normal
 
     def with_echoes(self, view: V, echoes: Echoes) -> Self:
         """The mirror with the `fill` and the `strength` that the echoes on it give; there must be at least one."""
@@ -202,8 +206,8 @@ class Mirror(ABC, Generic[V]):
         return face & (np.abs(self.beside(echoes.position)) <= across)
 
     def behind(self, view: V, points: Array) -> Array:
-        """How far [m] points (..., d) lie behind the mirror, seen from the radar."""
-        return (points - self.center) @ self.inward(view)
+        """How far [m] points (..., d) lie behind the mirror, seen from the radar; for a curved one, see `beside`."""
+        return self.side(view) * self.beside(points)
 
 
 class ChainFold:

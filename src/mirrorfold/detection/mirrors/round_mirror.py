@@ -98,10 +98,6 @@ class RoundMirror(BeamMirror):
         hit, normal = self.facing(points)
         return np.sum((points - hit) * normal, axis=-1)
 
-    def behind(self, view: VolumeView, points: Array) -> Array:
-        """How far [m] points (n, 3) lie behind the tangent planes that their lines of sight meet."""
-        return -self.beside(points)
-
     def growth(self, points: Array) -> Array:
         """Factor by which the mirror widens the beam at the true places of points (n, 3) of the image, (n, 2).
 
