@@ -218,8 +218,7 @@ class _Arcs:
             if fitted is None:
                 return None
             circle, points, trust = fitted
-            first, last = np.sort(circle.along(ends))
-            arc = circle.part(float(first), float(last))
+            arc = circle.part(*np.sort(circle.along(ends)).tolist())
             if not self._plausible(arc):
                 return None
         return self._with_errors(arc, points, trust)

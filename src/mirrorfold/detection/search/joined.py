@@ -108,8 +108,7 @@ def _half(curve: Array, which: int, arc: ArcMirror, end: Array, variance: Array,
     """
     towards = turned(np.array([np.cos(curve[2]), np.sin(curve[2])]))
     circle = replace(arc, middle=curve[:2] + towards / curve[3 + which], radius=float(1.0 / abs(curve[3 + which])))
-    first, last = np.sort(circle.along(np.stack([end, curve[:2]])))
-    half = circle.part(float(first), float(last))
+    half = circle.part(*np.sort(circle.along(np.stack([end, curve[:2]]))).tolist())
     reach = 0.25 * half.length
     places = half.center + np.array([[0.0], [-reach], [reach]]) * half.tangents
 
