@@ -181,15 +181,7 @@ def check_finished(finished: Any) -> None:
 
 
 def join_frames(parts: Sequence[xr.DataTree], coords: dict[str, xr.Variable]) -> xr.DataTree:
-    """The Reconstructions of all frames as one.
-
-    Parameters
-    ----------
-    parts : sequence of xarray.DataTree
-        In the order of the frames; at least one.
-    coords : dict of xarray.Variable
-        Coordinates of the frames, over the dimension `frame`.
-    """
+    """All frames, at least one, as one Reconstruction; `coords` are their coordinates over the dimension `frame`."""
     texts = [{name: json.dumps(value, default=lambda held: held.tolist()) for name, value in part.attrs.items()}
             for part in parts]  # fmt: skip
     shared = {name for name, text in texts[0].items() if all(one.get(name) == text for one in texts)}

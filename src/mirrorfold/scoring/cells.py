@@ -15,17 +15,13 @@ from mirrorfold.common.types import Array
 
 
 def point_cells(objects: xr.Dataset, attrs: Mapping[Any, Any], *, grown: bool = True) -> Array | None:
-    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m], from its `attrs`.
+    """Diagonal of the resolution cell at each point of a reconstruction, (points,) [m], from its `attrs`; None if they
+    do not say how it was measured.
 
     Along the line of sight, the cell is ``c / (2 B)`` long. Across, at the range r, it is ``r lambda / D`` wide for an
     array of length D, and as wide as the beam between half powers for a scan. Folding keeps the length of the way, so r
     is the distance of the point from the radar before folding. Behind curved mirrors, the cell is wider across by the
     factor in the column `growth`, which is applied only if `grown`.
-
-    Returns
-    -------
-    (points,) array [m] or None
-        None where the reconstruction does not say how it was measured.
     """
     axes = [axis for axis in "xyz" if f"{axis}_initial" in objects.variables]
 

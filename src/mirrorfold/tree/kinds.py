@@ -46,13 +46,11 @@ def find_every_kind(
 ) -> Found:
     """Mirrors of every kind, their order, and the echoes that are seen through each.
 
+    In the published algorithm all mirrors are opaque and flat.
+
     Parameters
     ----------
-    view : View
-    echoes : Echoes
-    settings : FoldSettings
-        In the published algorithm all mirrors are opaque and flat.
-    measured : Measured
+    view, echoes, settings, measured
     known, walls : optional
         Given mirrors, used in the place of found ones, see `find_tree`.
     polarizations : mapping of str to DataArray, optional

@@ -174,13 +174,7 @@ OWN_SHARE = 0.5
 
 
 class _Reasons:
-    """The echoes, and for each the reason why no object stands at its place, if there is one.
-
-    Attributes
-    ----------
-    echoes : Echoes
-        Those that have not been left out so far.
-    """
+    """The `echoes` that are left so far, and the reason why no object stands at the place of each, if there is one."""
 
     def __init__(self, echoes: Echoes) -> None:
         self._every = self.echoes = echoes

@@ -84,17 +84,7 @@ class Waves:
 
 
 class SweepWaves:
-    """What the tests of echoes need of a sweep: its apertures, its range profiles and its waves; each is made once.
-
-    Parameters
-    ----------
-    sweep : xarray.Dataset
-        A sweep of pairs, s(frequency, tx, rx).
-
-    Attributes
-    ----------
-    sweep : xarray.Dataset
-    """
+    """The apertures, range profiles and waves of a `sweep` of pairs, s(frequency, tx, rx); each is made once."""
 
     def __init__(self, sweep: xr.Dataset) -> None:
         self.sweep, self._made = sweep, dict[int, Waves]()
