@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mirrorfold.common.types import Chain, Names
+from mirrorfold.common.types import Chain, Mask
 from mirrorfold.detection import ImageView, Mirror, View
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.behind_objects import BEHIND_AN_OBJECT, behind_objects
@@ -19,7 +19,7 @@ from mirrorfold.tree.explaining.behind_walls import (
     prolonged_where_hidden,
 )
 from mirrorfold.tree.explaining.corners import Corners
-from mirrorfold.tree.explaining.flanks import flanks
+from mirrorfold.tree.explaining.flanks import ASIDE_CELLS, flanks
 from mirrorfold.tree.explaining.in_corners import IN_CORNER, in_corners
 from mirrorfold.tree.explaining.outshone import OUTSHONE, outshone
 from mirrorfold.tree.explaining.reflected_on import REFLECTED_ON, reflected_on
@@ -35,44 +35,38 @@ def without_explained(
     The causes are those that the package lists under "With the whole tree". Curved rows of echoes in `rejected` were
     not proved to be mirrors; `corners` tells which places (n, 2) [m] of the image are vertices of corners, (n,).
     """
-    longer = prolonged_where_hidden(found)
+    nodes, rows = list(found.tree.walk()), flat_objects(found, view) if isinstance(view, ImageView) else {}
+    walls = prolonged_where_hidden(found) | rows
+    behind = {node.chain: behind_walls(node.objects, node.chain, walls, view) for node in nodes}
     if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them
-        marks = {node.chain: behind_walls(node.objects, node.chain, longer, view) for node in found.tree.walk()}
-        return _without(found, {chain: np.where(hidden, BEHIND, "") for chain, hidden in marks.items()})
-    rows = flat_objects(found, view)
-    reflected = reflected_on(found, view, found.tree.mirrors_by_chain() | rows)
-    longer, turned_back = longer | rows, to_and_fro(found, view)
-    causes = (
-        (BEHIND, lambda node: behind_walls(node.objects, node.chain, longer, view)),
-        (BEHIND, lambda node: behind_rows(node.objects, () if node.chain else rejected, found.sight)),
-        (TO_AND_FRO, lambda node: turned_back[node.chain]),
-        (REFLECTED_ON, lambda node: reflected[node.chain]),
-        (OUTSHONE, lambda node: outshone(node.objects, view)),
-    )
+        return _without(found, {BEHIND: behind})
+    behind[()] |= behind_rows(found.tree.objects, rejected, found.sight)
     found = _without(found, {
-        node.chain: np.select([cause(node) for _, cause in causes], [reason for reason, _ in causes], "")
-        for node in found.tree.walk()
+        BEHIND: behind,
+        TO_AND_FRO: to_and_fro(found, view),
+        REFLECTED_ON: reflected_on(found, view, found.tree.mirrors_by_chain() | rows),
+        OUTSHONE: {node.chain: outshone(node.objects, view) for node in nodes},
     })  # fmt: skip
     if corners is not None:
-        marks = in_corners(found, view, corners)
-        found = _without(found, {chain: np.where(seen, IN_CORNER, "") for chain, seen in marks.items()})
-    found = _without(found, {node.chain: flanks(node.objects, found, view) for node in found.tree.walk()})
+        found = _without(found, {IN_CORNER: in_corners(found, view, corners)})
+    flank = {node.chain: flanks(node.objects, found, view) for node in found.tree.walk()}
+    found = _without(found, {why: {chain: names == why for chain, names in flank.items()} for why in ASIDE_CELLS})
     # Only objects that are kept hide others.
-    marks = behind_objects(found, view)
-    return _without(found, {chain: np.where(hidden, BEHIND_AN_OBJECT, "") for chain, hidden in marks.items()})
+    return _without(found, {BEHIND_AN_OBJECT: behind_objects(found, view)})
 
 
-def _without(found: Found, reasons: Mapping[Chain, Names]) -> Found:
-    """What was found, without the objects of each chain that have a reason to be left out, (n,); "" means none."""
-    if not any((reason != "").any() for reason in reasons.values()):
+def _without(found: Found, marks: Mapping[str, Mapping[Chain, Mask]]) -> Found:
+    """What was found, without the objects of each chain that a cause marks, (n,); the first of several counts."""
+    nodes, causes = list(found.tree.walk()), list(marks)
+    why = {node.chain: np.select([marks[cause][node.chain] for cause in causes], causes, "") for node in nodes}
+    gone = [(node.objects.take(why[node.chain] != ""), why[node.chain]) for node in nodes]
+    if not any(len(echoes) for echoes, _ in gone):
         return found
 
     def kept(node: MirrorTree) -> MirrorTree:
-        objects = node.objects.take(reasons[node.chain] == "")
+        objects = node.objects.take(why[node.chain] == "")
         return replace(node, objects=objects, mirrors=tuple(map(kept, node.mirrors)))
 
-    gone = [(node.objects.take(doubt != ""), doubt[doubt != ""]) for node in found.tree.walk()
-            for doubt in [reasons[node.chain]]]  # fmt: skip
     explained = found.explained.joined(*(echoes for echoes, _ in gone))
-    explanation = np.concatenate([found.explanation, *(doubt for _, doubt in gone)])
+    explanation = np.concatenate([found.explanation, *(reason[reason != ""] for _, reason in gone)])
     return found._replace(tree=kept(found.tree), explained=explained, explanation=explanation)
