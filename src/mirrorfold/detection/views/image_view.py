@@ -190,10 +190,6 @@ class ImageView(View):
         """Width of the resolution cell at broadside [m], ``range u_cell``."""
         return self.u_cell * np.asarray(range_)
 
-    def cell(self, range_: Array | float, growth: Array | float = 1.0) -> Array:
-        """Diagonal of the resolution cell [m]."""
-        return np.hypot(self.range_cell, growth * self.width(range_))
-
     def object_depth(self, range_: Array) -> Array:
         """`OPAQUE_CELLS` range cells, at all ranges."""
         return np.full(np.shape(range_), OPAQUE_CELLS * self.range_cell)

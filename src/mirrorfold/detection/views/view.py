@@ -68,6 +68,9 @@ class View(ABC):
     normalization: str
     window: Array
 
+    widths_a_cell = 1.0
+    """Width of the resolution cell across the line of sight, in widths of a line of sight."""
+
     @cached_property
     def searches(self) -> dict[bytes, Any]:
         """Results of searches for mirrors in this view, see `mirrorfold.detection.find_mirrors`."""
@@ -99,13 +102,13 @@ class View(ABC):
     def width(self, range_: Array | float) -> Array:
         """Width of a line of sight [m] at ranges [m]: that of the resolution cell of an image, or the beam radius."""
 
-    @abstractmethod
     def cell(self, range_: Array | float, growth: Array | float = 1.0) -> Array:
         """Diagonal of the resolution cell [m] at ranges [m]: the size of the echo of a small object.
 
         Curved mirrors make the cell wider across the line of sight, by the factor `growth`.
         All lengths in the steps after imaging are multiples of it, so that they suit any radar.
         """
+        return np.hypot(self.range_cell, self.widths_a_cell * growth * self.width(range_))
 
     @abstractmethod
     def cross_cell(self, points: Array) -> Array:

@@ -68,6 +68,8 @@ class VolumeView(View):
     beam: tuple[float, float, float] | None = None
     window: Array = field(default_factory=lambda: hann(WINDOW_POINTS))
 
+    widths_a_cell = 2.0  # the diameter of the beam
+
     @property
     def wavelength(self) -> float:  # type: ignore[override]
         """Wavelength in the middle of the band [m]; infinite where it is not known."""
@@ -190,10 +192,6 @@ class VolumeView(View):
     def beside_steps(self, range_: Array) -> Index:
         """The beam's radius at ranges [m], in steps of the scan."""
         return np.ceil(self.strays(range_) / self.beam_step).astype(np.intp)
-
-    def cell(self, range_: Array | float, growth: Array | float = 1.0) -> Array:
-        """Diagonal of the resolution cell [m], from the range cell and the diameter of the beam."""
-        return np.hypot(self.range_cell, 2.0 * growth * self.width(range_))
 
     def object_depth(self, range_: Array) -> Array:
         """`OPAQUE_RADII` radii of the beam."""
