@@ -103,7 +103,7 @@ class Pairs:
 
     def misfits(self, permittivity: NDArray[np.complex128], thickness: Array) -> tuple[Array, Array]:
         """Misfits of reflection and of transmission, (w, n) each, at walls of permittivity and thickness [m], (w,)."""
-        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self.products) / self.power
+        left = misfits(permittivity, thickness, self.wavenumber, self.angle, self.products) / sum(self.powers)
         return left[0], left[1]
 
     @cached_property
@@ -116,11 +116,6 @@ class Pairs:
     def powers(self) -> tuple[Array, Array]:
         """Power of every echo in TE and in TM, summed over all frequencies, (n,) each."""
         return power_of(self.te).sum(axis=-1), power_of(self.tm).sum(axis=-1)
-
-    @property
-    def power(self) -> Array:
-        """Power of every echo over all frequencies, in both polarizations, (n,)."""
-        return self.powers[0] + self.powers[1]
 
     def log_likelihood(self, misfit: Array) -> Array:
         """Logarithm of the likelihood of a `misfit`, up to a constant."""
