@@ -42,8 +42,7 @@ def completed(
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
     sighted = loose.take(through == ROOT)
-    found = find_mirrors(view, sighted, minimum_length=0.5 * shortest)
-    rows = [row for row in found if isinstance(row, LineMirror)]
+    rows = [row for row in find_mirrors(view, sighted, minimum_length=0.5 * shortest) if isinstance(row, LineMirror)]
     halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
     whole = joined(halves, view, sighted, clear, shortest)
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
