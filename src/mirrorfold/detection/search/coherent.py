@@ -133,16 +133,20 @@ class ComplexImage:
         weights = known_weights(antennas, NODES) if isinstance(antennas, str) else np.zeros(0)
         if not weights.size:
             return None
-        share = (np.arange(NODES) + 0.5) / NODES
-        speed = float(attrs.get("wave_speed", speed_of_light))
+        # Nodes lie in the middle of equal parts. Samples do so too: each stands for what lies nearest to it.
+        share, points = (np.arange(NODES) + 0.5) / NODES, view.window.size
         low, high = float(attrs["frequency_start"]), float(attrs["frequency_stop"])
-        taper = np.interp(share, np.linspace(0.0, 1.0, view.window.size), view.window)
-        lengths = [float(attrs.get(name, 0.0)) for name in ("tx_aperture", "rx_aperture")]
+        beyond = 0.5 * (high - low) / (points - 1)
+        frequency = low - beyond + share * (high - low + 2.0 * beyond)
+        taper = np.interp(points * share - 0.5, np.arange(points), view.window)
         monostatic = bool(attrs.get("monostatic"))
+        pitch = view.wavelength * (0.25 if monostatic else 0.5)
+        lengths = [float(attrs.get(name, 0.0)) for name in ("tx_aperture", "rx_aperture")]
+        lengths = [length + pitch * (length > 0.0) for length in lengths]
         lengths = lengths[:1] if lengths[0] == lengths[1] or monostatic else lengths
         return cls(
             *(image.values, image["x"].values.astype(float), image["y"].values.astype(float), view),
-            k=2.0 * np.pi / speed * (low + share * (high - low)),
+            k=2.0 * np.pi * frequency / float(attrs.get("wave_speed", speed_of_light)),
             taper=taper / taper.sum(),
             arrays=np.stack([view.radar + np.outer((share - 0.5) * length, view.along) for length in lengths]),
             apodization=weights / weights.sum(),
