@@ -102,20 +102,33 @@ def midpoint_coherence(
         profile, waves.gate, int(np.ceil(2.0 * reach / step)) + 2, centre - float(pairs.wavenumber[0]), step
     )
     curvature = waves.one_sign(contracting)
-    best, coherence, sine = np.zeros((3, curvature.size, waves.gate.size))
     tx_of, rx_of = pairs.tx_of[chosen], pairs.rx_of[chosen]
 
-    def look(at: tuple[int]) -> None:
-        _grouped(
-            *(windowed, step, -1.0 if reversed_ else 1.0, pairs.tx, pairs.rx, tx_of, rx_of, group, centre),
-            *(waves.direction, curvature[at], waves.along, waves.ahead, best[at], coherence[at], sine[at]),
-        )
+    def measured(windowed: NDArray[np.float32], directions: Array) -> tuple[Array, Array, Array]:
+        """The best coherence of all pairs over the directions, that of the midpoints there, and the direction."""
+        best, coherence, sine = np.zeros((3, curvature.size, windowed.shape[-1]))
 
-    for_each(look, np.ndindex(curvature.size))
+        def look(at: tuple[int]) -> None:
+            _grouped(
+                *(windowed, step, -1.0 if reversed_ else 1.0, pairs.tx, pairs.rx, tx_of, rx_of, group, centre),
+                *(directions, curvature[at], waves.along, waves.ahead, best[at], coherence[at], sine[at]),
+            )
+
+        for_each(look, np.ndindex(curvature.size))
+        return best, coherence, sine
+
+    best, _, sine = measured(windowed, waves.direction)
+    # One direction of each echo for all curvatures: a wave from nearer by and more from the side bends as much.
+    sine = np.take_along_axis(sine, best.argmax(axis=0)[None], axis=0)[0]
+    sign = -1.0 if contracting else 1.0
+    coherence = np.empty((waves.gate.size, curvature.size))
+    for gate, towards in enumerate(sine):
+        alone = np.ascontiguousarray(windowed[..., gate : gate + 1])
+        coherence[gate] = measured(alone, np.array([sign * towards]))[1][:, 0]
     difference = np.linspace(0.0, float(np.ptp(curvature)), BLUR_STEPS)
     return MidpointCoherence(
-        coherence=coherence.T,
-        sine=np.take_along_axis(sine, best.argmax(axis=0)[None], axis=0)[0],
+        coherence=coherence,
+        sine=sine,
         difference=difference,
         loss=_loss(pairs.tx[tx_of], pairs.rx[rx_of], group, centre * difference),
     )

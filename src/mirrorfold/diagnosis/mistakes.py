@@ -155,10 +155,10 @@ def _offset(
     if measured is None:
         return 0.0, error, 0.0
     gain, predicted = _gain(waves, measured, case, offsets)
-    drawn = offsets[[int(gain[draw].mean(axis=0).argmax()) for draw in draws]]
+    drawn = offsets[[_best_offset(gain[draw], predicted[draw]) for draw in draws]]
     low, high = np.quantile(drawn, [0.1, 0.9])
-    mean = gain.mean(axis=0)
-    best = int(mean.argmax())
+    best = _best_offset(gain, predicted)
+    mean = np.minimum(gain, predicted).mean(axis=0)
     offset = float(offsets[best])
     smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     same_side = float(np.mean(drawn * np.sign(offset) > smallest)) if offset else 0.0
@@ -172,6 +172,15 @@ def _offset(
     return offset if certain else 0.0, float(max(0.5 * (high - low), error)), same_side
 
 
+def _best_offset(gain: Array, predicted: Array) -> int:
+    """The number of the offset that improves the fit most, by the gains of gates (gates, offsets); see `_gain`.
+
+    Limited gains tell which peak is that of a delay. They grow with the offset, so that its place is that of the fit.
+    """
+    limited = np.minimum(gain, predicted).mean(axis=0)
+    return int(np.where(limited > 0.5 * limited.max(), gain.mean(axis=0), -np.inf).argmax())
+
+
 def _gain(
     waves: Wavefronts, measured: MidpointCoherence, case: tuple[bool, bool, bool], offsets: Array
 ) -> tuple[Array, Array]:
@@ -179,15 +188,14 @@ def _gain(
 
     A delay changes the curvatures that are expected, and the array tells the change by the phase that it makes at its
     ends. What improves the fit by more than this phase can is another fault: an echo out by one mirror and back by
-    another, say, fits no curvature. So gains are limited to those of an echo of the curvature that an offset predicts.
+    another, say, fits no curvature. So a gain counts up to that of an echo of the curvature that an offset predicts.
     """
     conjugated = case[0]
     fit = _fit(waves, measured.coherence, waves.one_sign(conjugated), case, offsets)
     coherence = 1.0 + UNEXPLAINED - np.exp(-fit)
     expected = np.minimum(np.abs(_expected(waves, case, offsets)), waves.curvature[-1])  # (n, gates, offsets)
     lost = np.max([np.min([measured.lost(q - one) for one in expected[:, :, :1]], axis=0) for q in expected], axis=0)
-    predicted = fit - _explained(coherence * (1.0 - lost))
-    return np.minimum(fit - fit[:, :1], predicted), predicted
+    return fit - fit[:, :1], fit - _explained(coherence * (1.0 - lost))
 
 
 def _expected(waves: Wavefronts, case: tuple[bool, bool, bool], offsets: Array) -> Array:
