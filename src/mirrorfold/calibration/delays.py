@@ -58,7 +58,7 @@ class Fit:
     """Delays [m] and complex gains of all elements, from one sweep of the reflector at one place; see `fit_delays`.
 
     `tx_valid` and `rx_valid` say which elements received its echo, and `residual` [m] is the root mean square of what
-    the delays leave unexplained.
+    the delays leave unexplained. A delay turns the phase of the echo by `carrier` [rad/m].
     """
 
     tx_delay: Array
@@ -68,6 +68,7 @@ class Fit:
     tx_valid: NDArray[np.bool_]
     rx_valid: NDArray[np.bool_]
     residual: float
+    carrier: float
 
     @property
     def common(self) -> float:
@@ -103,13 +104,12 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
     InputError
         If the reflector's echo does not show.
     """
-    centre = float(k.mean())
     taper = hann(k.size)[:, None, None]
     # The path over the reflector is removed, so that its echo stands at a delay near zero in every pair.
     aligned = np.empty(s.shape, dtype=np.complex128)
     for some in blocks(k.size, aligned.nbytes):
         aligned[some] = taper[some] * s[some] * np.exp(1j * k[some, None, None] * length)
-    offset = k - centre
+    offset = k - k.mean()
     cell = 2.0 * np.pi / (k[-1] - k[0])
     delay, _ = _best_delay(aligned, offset, 2.0 * largest_error, cell)
     echo = np.zeros(s.shape[1:], dtype=np.complex128)
@@ -133,6 +133,9 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
             weight = _coherence_weights(left, tx_gain[:, None] * rx_gain)
     _check_detected(left, float(np.vdot(aligned, aligned).real), tx_gain, rx_gain)
     tx_valid, rx_valid = _sees_reflector(np.abs(left), axis=1), _sees_reflector(np.abs(left), axis=0)
+    # A delay turns the phase of the echo by its mean wavenumber, which is not mid-band for a transducer's narrow pulse.
+    spectrum = (own * np.exp(1j * k[:, None] * rx_delay)) @ np.conj(rx_gain)
+    centre = float(np.real(k @ spectrum / spectrum.sum()))
     tx_delay, tx_gain = _refine_by_carrier(tx_delay, tx_gain, tx_valid, centre)
     rx_delay, rx_gain = _refine_by_carrier(rx_delay, rx_gain, rx_valid, centre)
     pairs = tx_valid[:, None] & rx_valid
@@ -149,6 +152,7 @@ def fit_delays(s: NDArray[np.complexfloating], k: Array, length: Array, *, large
         tx_valid,
         rx_valid,
         float(np.sqrt(np.mean(misfit**2))),
+        centre,
     )
 
 

@@ -173,7 +173,7 @@ def _common_error(k: Array, fit: Fit) -> float:
     phase = np.linalg.norm(taper) / taper.sum()
     delay = np.linalg.norm(taper * offset) / (taper @ offset**2)
     pairs = np.count_nonzero(fit.tx_valid) * np.count_nonzero(fit.rx_valid)
-    return float(fit.residual * k.mean() * delay / phase / np.sqrt(pairs))
+    return float(fit.residual * fit.carrier * delay / phase / np.sqrt(pairs))
 
 
 def _sums(group: Index, rows: Array) -> Array:
