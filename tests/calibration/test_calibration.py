@@ -338,6 +338,30 @@ def test_what_was_masked_stays_silent_before_a_background_and_is_not_blamed_agai
         mf.calibrate.mask_bad(sweep_of([(0.0, 0.9)], elements=9), find_bad(sweep))
 
 
+def test_where_echoes_cancel_each_other_in_all_channels_no_frequency_is_bad():
+    """Two echoes of one strength, a range cell apart, cancel once within the band; a short array sees one of it."""
+    clean = sweep_of([(0.0, 0.9), (0.0, 0.9151)], elements=9, frequencies=201)
+    sweep = mf.add_noise(clean, snr_db=30.0, seed=0)
+    level = np.abs(sweep["s"].values).mean(axis=(1, 2))
+    null = int(np.argmin(level))
+    assert 20 < null < 80
+    assert level[null] < 0.5 * level[null - 5 : null + 6].mean()
+    assert not mf.calibrate.find_bad(sweep).frequencies.any()
+    sweep["s"].values[[100, 150]] *= 0.5
+    assert list(np.flatnonzero(mf.calibrate.find_bad(sweep).frequencies)) == [100, 150]
+
+
+def test_a_block_of_lost_samples_is_filled_in_and_zeros_at_the_ends_are_left():
+    clean = sweep_of([(0.1 * n - 0.3, 0.5 + 0.1 * n) for n in range(6)], frequencies=201)
+    sweep = clean.assign(s=clean["s"] * np.hanning(201)[:, None, None])
+    assert not mf.calibrate.find_bad(sweep).frequencies.any()
+    kept = sweep["s"].values.copy()
+    sweep["s"].values[90:100] = 0.0
+    assert list(np.flatnonzero(mf.calibrate.find_bad(sweep).frequencies)) == list(range(90, 100))
+    filled = mf.calibrate.mask_bad(sweep)["s"].values
+    assert np.linalg.norm(filled - kept) < 0.1 * np.linalg.norm(kept[90:100])
+
+
 def test_a_frequency_that_one_frame_lacks_is_filled_in_from_that_frame():
     clean = sweep_of([(0.1 * n - 0.3, 0.5 + 0.1 * n) for n in range(6)])
     frames = np.stack([clean["s"].values * np.exp(0.3j * n) for n in range(4)])

@@ -14,7 +14,7 @@ from scipy.ndimage import median_filter
 
 from mirrorfold.calibration.record import blocks, samples_to_repair, scaled_to_single_precision, with_samples
 from mirrorfold.common.arguments import wrong_kind
-from mirrorfold.common.decibels import power_ratio_of
+from mirrorfold.common.decibels import power_ratio_of, ratio_of
 from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.errors import InputError
 
@@ -53,6 +53,10 @@ SPUR_DB = 3.0
 SPUR_DEVIATIONS = 8.0
 """The same in robust standard deviations of the deviations of all frequencies."""
 
+PREDICTED_FROM = 32
+"""Number of frequencies on either side of a bad one from which its samples are predicted. Where echoes cancel each
+other, as they do at one frequency in all channels of a short array, the prediction is right, and nothing is bad."""
+
 NEIGHBOURS = 11
 """Number of neighbouring frequencies over which this median is taken, the frequency itself included."""
 
@@ -63,7 +67,7 @@ FEWEST_CHANNELS = 8
 """Smallest number of channels in which spurs are searched. In a single channel, echoes that cancel each other at some
 frequencies look like spurs, in every frame."""
 
-ENOUGH = {"frequencies": 100, "channels": 4000, "partners": 16}
+ENOUGH = {"frequencies": 100, "channels": 4000, "predicted": 64, "partners": 16}
 """Largest numbers that are looked at, evenly spread, where there are more: medians are then exact to a tenth of a
 decibel, and profiles of noise flat to some percent."""
 
@@ -131,7 +135,7 @@ def find_bad(sweep: xr.Dataset) -> Bad:
     count = s.shape[0]
     finite = np.isfinite(s)
     gaps = _gaps(finite, _leading(sweep))
-    gap = np.asarray(gaps.reshape(count, -1).all(axis=1))
+    gap = np.asarray(gaps.reshape(count, -1).all(axis=1)) | _dropped(s)
     undefined = ~(finite | gaps).all(axis=0)
     if not finite.all():
         s = np.where(finite, s, 0.0)
@@ -237,6 +241,15 @@ def _gaps(finite: NDArray[np.bool_], leading: int) -> NDArray[np.bool_]:
     return gaps & ~gaps.all(axis=0)
 
 
+def _dropped(s: NDArray[np.complexfloating]) -> NDArray[np.bool_]:
+    """Frequencies between others at which all samples (frequencies, ...) are zero, because they were lost.
+
+    At the ends of the band zeros are harmless, and common: those of a window, or those that were appended.
+    """
+    held = np.asarray(s.reshape(len(s), -1).any(axis=1))
+    return np.asarray(~held & (np.cumsum(held) > 0) & (np.cumsum(held[::-1])[::-1] > 0))
+
+
 def _by_frequency(sweep: xr.Dataset) -> NDArray[np.complexfloating]:
     """Samples with frequency as the first dimension."""
     return np.moveaxis(sweep["s"].values, sweep["s"].get_axis_num("frequency"), 0)
@@ -279,7 +292,19 @@ def _spurs(s: NDArray[np.complexfloating], gap: NDArray[np.bool_], silent: NDArr
     deviation = np.abs(level - median_filter(level, NEIGHBOURS, mode="nearest"))
     spread = robust_deviation(deviation[~gap])
     found = ~gap & (deviation > max(SPUR_DB, SPUR_DEVIATIONS * spread))
-    return found if found.mean() <= LARGEST_BAD_SHARE else np.zeros_like(found)
+    if found.mean() > LARGEST_BAD_SHARE:
+        return np.zeros_like(found)
+    few = good[_spread(good.size, ENOUGH["predicted"])]
+    least = (1.0 - ratio_of(-SPUR_DB)) ** 2
+    confirmed = found.copy()
+    for n in np.flatnonzero(found):
+        first = max(0, int(n) - PREDICTED_FROM)
+        near = slice(first, int(n) + PREDICTED_FROM + 1)
+        samples, bad = s.reshape(s.shape[0], -1)[near, few], (found | gap)[near]
+        if bad.mean() < 0.5:
+            wrong = (_filled(samples, bad) - samples)[n - first]
+            confirmed[n] = np.median(np.abs(wrong) ** 2) > least * power_ratio_of(np.median(level[near]))
+    return confirmed
 
 
 def _filled(s: NDArray[np.complexfloating], bad: NDArray[np.bool_]) -> NDArray[np.complexfloating]:
