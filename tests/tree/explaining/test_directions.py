@@ -260,6 +260,20 @@ def test_a_lobe_as_high_as_the_main_one_accuses_nobody():
     assert SweepWaves(sweep_of(antennas, antennas, (at(0.0), at(0.0)))).grating_lobe < 0.1
 
 
+@pytest.mark.parametrize(
+    "places",
+    [
+        pytest.param([0, 1, 2, 3, 8, 13, 17], id="least redundant"),
+        pytest.param([*range(4), *range(11, 15), *range(46, 54)], id="four chips in cascade"),
+    ],
+)
+def test_a_true_echo_stays_whatever_receivers_are_missing(places):
+    """Their lobes are nearly as high as the main one, but a lone echo has the ratio one."""
+    tx, rx = line(9, pitch=2.0 * WAVELENGTH), 0.5 * WAVELENGTH * (np.array(places)[:, None] * [1.0, 0.0, 0.0])
+    sweep, view = sweep_of(tx, rx, (at(0.1), at(0.1))), view_of(tx, rx)
+    assert_array_equal(misplaced(echoes_at(view, np.array([0.1])), SweepWaves(sweep), view), [""])
+
+
 @pytest.mark.parametrize("missing", [None, 3])
 def test_the_ghost_in_a_grating_lobe_is_left_out_and_the_echo_stays(missing):
     antennas = thinned(missing)

@@ -38,13 +38,22 @@ def cells(view, range_, u):
     return view.to_points(RANGE_CELL * np.array(range_), U_CELL * np.array(u))
 
 
-@pytest.mark.parametrize("lobe", [0.0, 0.5])
-def test_verdicts_follow_from_the_ratios(view, lobe):
+@pytest.mark.parametrize(
+    ("lobe", "least"),
+    [
+        (0.0, SMALLEST_DIRECTION_RATIO),
+        (0.4, ABOVE_LOBES * 0.4),
+        (0.5, ABOVE_LOBES * 0.5),
+        # As many decibels above the lobe as below a true echo.
+        (0.64, 0.8),
+        (0.7225, 0.85),
+    ],
+)
+def test_verdicts_follow_from_the_ratios(view, lobe, least):
     """Lobes and late echoes first; of the others those whose ratio is no larger than that of a ghost in a lobe."""
     waves = SimpleNamespace(grating_lobe=lobe)  # all else is known
     lobes = np.append(np.full(5, 0.5), 1.0)  # of echoes of amplitude one
     echoes = echoes_at(view, cells(view, np.full(6, 40.2), [0.2, 10.2, 20.2, 30.2, -10.2, -20.2]))
-    least = max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * lobe)
     wrapping = [0.5, LARGEST_WRAPPING_RATIO, 1.01 * LARGEST_WRAPPING_RATIO, 1.0, 1.0, 1.0]
     direction = [1.0, least, np.nan, 0.99 * least, 1.01 * least, np.nan]
     range_, u = view.to_polar(echoes.position)

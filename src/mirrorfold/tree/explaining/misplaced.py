@@ -23,8 +23,9 @@ from mirrorfold.tree.explaining.wrapped import wrapping_ratio
 
 SMALLEST_DIRECTION_RATIO, ABOVE_LOBES = 0.5, 1.4
 """Least `direction_ratio` of a true echo; where antennas are missing, at least `ABOVE_LOBES` times the height of their
-grating lobe. True echoes have ratios near one, glints of faces somewhat less, mixed paths far below a half. Ghosts by
-grating lobes have the ratio of the lobe, which is a half if every third antenna is missing."""
+grating lobe, but no more than halfway in decibels from that lobe to one. True echoes have ratios near one, glints of
+faces somewhat less, mixed paths far below a half. Ghosts by grating lobes have the ratio of the lobe: a half if every
+third antenna is missing, two thirds in chips of four antennas side by side, with gaps between the chips."""
 
 LARGEST_WRAPPING_RATIO = 1.08
 """Largest `wrapping_ratio` of a true echo. True echoes fit waves from their own range at least as well as waves from
@@ -60,7 +61,9 @@ def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known |
     lobe = echoes.amplitude <= ratio_of(MARGIN_DB) * measured(lobe_level)
     late = measured(wrapping_ratio) > LARGEST_WRAPPING_RATIO
     mixed, rest = np.zeros_like(late), ~(late | lobe)
-    mixed[rest] = measured(direction_ratio, rest) < max(SMALLEST_DIRECTION_RATIO, ABOVE_LOBES * waves.grating_lobe)
+    ghost = waves.grating_lobe
+    least = max(SMALLEST_DIRECTION_RATIO, min(ABOVE_LOBES * ghost, np.sqrt(ghost)))
+    mixed[rest] = measured(direction_ratio, rest) < least
     return np.select([lobe, late, mixed], [LOBE, LATE, MIXED], "")
 
 
