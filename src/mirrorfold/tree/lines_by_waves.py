@@ -1,7 +1,7 @@
 """The lines of all straight mirrors of a tree, fitted to the complex image once the tree is known.
 
-The search for mirrors and their order need lines to a fraction of a cell; folding gains by a hundredth. The fit costs
-more than the whole search, so each mirror of the tree is fitted once.
+The search for mirrors and their order need lines to a fraction of a cell; folding gains by a hundredth. So only the
+mirrors of the tree are fitted so closely, and each once.
 """
 
 from __future__ import annotations
@@ -14,13 +14,28 @@ from mirrorfold.detection.search.coherent import ComplexImage
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree
 
+MOST_ERRORS = 2.0
+"""A line moves by at most this many of its standard errors: the face of a wall that scatters from inside stands before
+the points that explain its image best, and its error says how far it may be off."""
+
 
 def with_lines_by_waves(found: Found, image: ComplexImage) -> Found:
-    """What was found, with the straight, opaque mirrors on the lines that explain the image best."""
+    """What was found, with the straight, opaque mirrors on the lines that explain the image best.
+
+    A mirror stays where its line would move by more than `MOST_ERRORS`, or would be less sure than before, because
+    other echoes fill its row.
+    """
     passable = {wall.mirror for wall in found.transparent_walls}
     lines = {node.mirror for node in found.tree.walk() if isinstance(node.mirror, LineMirror)} - passable
     fitted: dict[Mirror, Mirror] = {}
-    for_each(lambda line: fitted.__setitem__(line, image.fitted(line)), lines)
+
+    def fit(line: LineMirror) -> None:
+        new = image.fitted(line)
+        moved = abs(float((new.center - line.center) @ line.normal))
+        better = new.angle_error < line.angle_error and moved <= MOST_ERRORS * line.offset_error
+        fitted[line] = new if better else line
+
+    for_each(fit, lines)
 
     def moved(node: MirrorTree) -> MirrorTree:
         way = tuple(fitted.get(mirror, mirror) for mirror in node.way)

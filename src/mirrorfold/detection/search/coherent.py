@@ -65,6 +65,12 @@ FARTHEST_CELLS = 0.5
 asks for more is no single row of points on a line."""
 
 
+MOST_UNEXPLAINED = 0.02
+"""Largest share of the weighted power about a wall that points on it may leave unexplained. Rough walls leave half a
+per cent, or one and a half beside bright objects; walls that scatter from one to three centimetres inside leave more,
+two to four per cent where a range cell is as wide as 7 cm, and seven to nine where it is 3 cm wide."""
+
+
 class Row(NamedTuple):
     """The pixels about a wall, and the points on it that explain them.
 
@@ -157,7 +163,8 @@ class ComplexImage:
     def fitted(self, mirror: LineMirror) -> LineMirror:
         """The mirror on the line on which points explain the image best, with its standard errors.
 
-        The same mirror, if its row has too few pixels, or if the line would leave the row, by `FARTHEST_CELLS`.
+        The same mirror, if its row has too few pixels, if the line would leave the row, by `FARTHEST_CELLS`, or if the
+        wall scatters from elsewhere too, by `MOST_UNEXPLAINED`.
         """
         row = self.row(mirror)
         if len(row.pixel) <= 2 * len(row.places):
@@ -169,6 +176,8 @@ class ComplexImage:
             offset, slope = state.moved
             if not abs(offset) + 0.5 * mirror.length * abs(slope) < FARTHEST_CELLS * across:
                 return mirror
+        if state.unexplained > MOST_UNEXPLAINED:
+            return mirror
         errors = np.sqrt(np.diag(state.covariance))
         normal = unit(mirror.normal - slope * mirror.direction)
         line = mirror.moved(normal, mirror.center + offset * mirror.normal)
