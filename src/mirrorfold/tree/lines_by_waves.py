@@ -22,8 +22,7 @@ the points that explain its image best, and its error says how far it may be off
 def with_lines_by_waves(found: Found, image: ComplexImage) -> Found:
     """What was found, with the straight, opaque mirrors on the lines that explain the image best.
 
-    A mirror stays where its line would move by more than `MOST_ERRORS`, or would be less sure than before, because
-    other echoes fill its row.
+    A mirror whose line would move by more than `MOST_ERRORS` stays.
     """
     passable = {wall.mirror for wall in found.transparent_walls}
     lines = {node.mirror for node in found.tree.walk() if isinstance(node.mirror, LineMirror)} - passable
@@ -32,8 +31,7 @@ def with_lines_by_waves(found: Found, image: ComplexImage) -> Found:
     def fit(line: LineMirror) -> None:
         new = image.fitted(line)
         moved = abs(float((new.center - line.center) @ line.normal))
-        better = new.angle_error < line.angle_error and moved <= MOST_ERRORS * line.offset_error
-        fitted[line] = new if better else line
+        fitted[line] = new if moved <= MOST_ERRORS * line.offset_error else line
 
     for_each(fit, lines)
 

@@ -65,6 +65,10 @@ FARTHEST_CELLS = 0.5
 asks for more is no single row of points on a line."""
 
 
+LARGEST_ERROR_CELLS = 0.1
+"""Largest standard error of either end of the line, in resolution cells, as that of centroids of power: where other
+echoes fill the row of a short wall, its waves tell no more than they do."""
+
 MOST_UNEXPLAINED = 0.02
 """Largest share of the weighted power about a wall that points on it may leave unexplained. Rough walls leave half a
 per cent, or one and a half beside bright objects; walls that scatter from one to three centimetres inside leave more,
@@ -163,8 +167,8 @@ class ComplexImage:
     def fitted(self, mirror: LineMirror) -> LineMirror:
         """The mirror on the line on which points explain the image best, with its standard errors.
 
-        The same mirror, if its row has too few pixels, if the line would leave the row, by `FARTHEST_CELLS`, or if the
-        wall scatters from elsewhere too, by `MOST_UNEXPLAINED`.
+        The same mirror, if its row has too few pixels, if the line would leave the row, by `FARTHEST_CELLS`, if it is
+        not known well, by `LARGEST_ERROR_CELLS`, or if the wall scatters from elsewhere too, by `MOST_UNEXPLAINED`.
         """
         row = self.row(mirror)
         if len(row.pixel) <= 2 * len(row.places):
@@ -176,9 +180,10 @@ class ComplexImage:
             offset, slope = state.moved
             if not abs(offset) + 0.5 * mirror.length * abs(slope) < FARTHEST_CELLS * across:
                 return mirror
-        if state.unexplained > MOST_UNEXPLAINED:
-            return mirror
         errors = np.sqrt(np.diag(state.covariance))
+        at_ends = errors[0] + 0.5 * mirror.length * errors[1]
+        if state.unexplained > MOST_UNEXPLAINED or at_ends > LARGEST_ERROR_CELLS * across:
+            return mirror
         normal = unit(mirror.normal - slope * mirror.direction)
         line = mirror.moved(normal, mirror.center + offset * mirror.normal)
         return replace(line, offset_error=float(errors[0]), angle_error=float(np.degrees(errors[1])))
