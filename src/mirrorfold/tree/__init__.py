@@ -3,6 +3,7 @@
 * The steps: `ordering` (3) and `assignment` (4). Their results: `lines_of_sight` and `mirror_tree`.
 * The loop: `rounds` repeats steps 2 to 4 until they agree; `kinds` does so for mirrors of every kind.
 * Further mirrors, which are found once others are known: `completion`, `evidence` with `curved` and `short_rows`.
+* `lines_by_waves`: the mirrors of the tree on the lines that explain the complex image best.
 * `measured`: tests of echoes that need the sweep, not its image alone. `grouping`: which echoes are of one object.
 * `explaining/`: echoes of which something other than an object is the cause. `half_transparent/`: walls that let
   waves pass.
