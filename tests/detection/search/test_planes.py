@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scans import STEEL, content, panel
+from scans import STEEL, content, panel, point_sweep
 
 import mirrorfold as mf
 from mirrorfold.common.geometry import unit
 from mirrorfold.detection import find_echoes, find_mirrors, see
+from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.search.fit import flat
+from mirrorfold.detection.search.planes import _Planes
 from mirrorfold.scenes.floor_plan import parse_scene
 
 NORMAL = unit(np.array([np.sin(np.radians(50.0)), -np.cos(np.radians(50.0)), 0.0]))
@@ -55,3 +58,15 @@ def test_a_wall_that_leans_over_a_floor_ends_where_the_floor_shows_it(lean):
     upright = [mirror for mirror in find_mirrors(view, find_echoes(view)) if abs(mirror.normal[2]) < 0.5]
     assert len(upright) == 1
     assert np.degrees(np.arccos(upright[0].normal @ normal)) < 0.5
+
+
+def test_of_a_kinked_sheet_whose_longer_part_is_seen_edge_on_nothing_is_kept():
+    """Few columns of beams show that part, too few for a sheet: a plane without any beams broke the search."""
+    view = see(mf.focus(point_sweep((0.0, 1.5, 0.0), half=10.0, beams=41)))
+    along, up = (place.ravel() for place in np.meshgrid(np.linspace(-0.2, 0.8, 101), np.linspace(-0.15, 0.15, 31)))
+    points = np.column_stack([np.minimum(along, 0.0), 1.0 + np.maximum(along, 0.0), up])
+    range_, beam, _ = view.locate(points)
+    one = np.ones(len(points))
+    search = _Planes(Echoes.found(points, range_, beam, one, one, 0.0 * one, 0.5, 1.0), view, 0.1, True)
+    mirror, _ = search.patch(*flat(points, one), np.arange(len(points)))
+    assert search.straight_part(mirror, np.arange(len(points))) is None

@@ -121,7 +121,7 @@ class Search(ABC, Generic[M]):
             if left > NO_BOW * parabola_residual(along, beside, weight) or np.count_nonzero(longer) < self.fewest:
                 return None
             mirror, member = self.patch(*flat(points[longer], weight[longer]), member[longer])
-            if not self.long_enough(mirror):
+            if member.size < self.fewest or not self.long_enough(mirror):
                 return None
             if not self.bulges(mirror, member):
                 return mirror, member
