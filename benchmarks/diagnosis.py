@@ -89,7 +89,8 @@ def scan(seed: int) -> xr.Dataset:
     """A raster scan of a random drywall or corridor, with or without leakage."""
     random = np.random.default_rng([seed, 11])
     for _ in range(20):
-        content = (raster.drywall, raster.corridor)[seed % 2](random)
+        shown, draw_surfaces, _ = raster.FAMILIES[("drywall", "corridor")[seed % 2]]
+        content = raster.shipped(shown) | {"surface": draw_surfaces(random)}
         content["scanner"] |= {axis: content["scanner"][axis] | {"points": 61} for axis in ("azimuth", "elevation")}
         if random.random() < 0.5:
             content["scanner"].pop("leakage", None)
