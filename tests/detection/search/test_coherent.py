@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import xarray as xr
 from point_sweeps import echoes
 from scipy.constants import speed_of_light
 
@@ -124,6 +125,18 @@ def test_a_line_that_would_leave_its_row_stays():
     assert ComplexImage.of(image, view).fitted(far) is far
 
 
+def test_masked_pixels_are_left_out():
+    image = image_of()
+    masked = image.where((image["x"] < 0.02) | (image["x"] > 0.05), 0.0)
+    masked[:, :20] = np.nan
+    view = see(image)
+    wall = LineMirror(START, END)
+    near = LineMirror(*(wall.ends + 0.001 * wall.normal))
+    fitted = ComplexImage.of(masked, view).fitted(near)
+    assert abs((fitted.center - wall.center) @ wall.normal) < 5e-5
+    assert ComplexImage.of(0.0 * image, view).fitted(near) is near
+
+
 def test_images_that_do_not_tell_their_waves_are_not_used():
     image = image_of()
     view = see(image)
@@ -141,7 +154,14 @@ def test_the_response_to_a_point_is_its_focused_image(arrays):
     """Pixel by pixel, the same sum over all frequencies and antennas as focusing takes, to the accuracy of ten each."""
     point = 0.5 * (START + END)
     pixels = point + np.array([[0.0, 0.0], [0.006, 0.002], [-0.01, 0.004], [0.003, -0.012], [0.02, 0.006]])
-    waves = ComplexImage.of(image_of(arrays), see(image_of(arrays)))
+    x, y = np.arange(-0.1, 0.2, 0.005), np.arange(0.45, 0.7, 0.005)
+    lengths = [last - first for first, last, _ in ARRAYS[arrays]]
+    attrs = {
+        "frequency_start": FREQUENCY[0], "frequency_stop": FREQUENCY[-1], "frequency_points": FREQUENCY.size,
+        "tx_aperture": lengths[0], "rx_aperture": lengths[1], "taper": "hann", "radar_position": np.zeros(3),
+    }  # fmt: skip
+    image = xr.DataArray(np.ones((y.size, x.size), complex), {"y": y, "x": x}, ("y", "x"), attrs=attrs)
+    waves = ComplexImage.of(image, see(image))
     wall = LineMirror(START, END)
     along = (pixels - wall.center) @ wall.direction
     row = Row(pixels, np.zeros(len(pixels), dtype=complex), along, np.zeros(1))

@@ -64,7 +64,6 @@ FARTHEST_CELLS = 0.5
 """Largest distance, in resolution cells, by which either end is moved: centroids of power do not err by more, so what
 asks for more is no single row of points on a line."""
 
-
 LARGEST_ERROR_CELLS = 0.1
 """Largest standard error of either end of the line, in resolution cells, as that of centroids of power: where other
 echoes fill the row of a short wall, its waves tell no more than they do."""
@@ -199,7 +198,9 @@ class ComplexImage:
         along, beside = (pixel - mirror.center) @ mirror.direction, (pixel - mirror.center) @ mirror.normal
         inside = 0.5 * mirror.length - np.abs(along) > END_CELLS * self._section(pixel, mirror)
         inside &= np.abs(beside) < BAND_CELLS * view.extent(pixel, mirror.normal)
-        pixel, value = pixel[inside], self.values[np.ix_(rows, columns)].ravel()[inside]
+        value = self.values[np.ix_(rows, columns)].ravel()
+        inside &= np.isfinite(value) & (value != 0.0)  # masked pixels tell nothing
+        pixel, value = pixel[inside], value[inside]
         range_ = np.linalg.norm(pixel - view.radar, axis=1)
         value = value * np.exp(-1j * (self.k[0] + self.k[-1]) * range_) / range_**self.power
         # The wall may go on, seen by another way: points beyond its ends explain what of that reaches into the band.
@@ -255,7 +256,10 @@ class ComplexImage:
         beside = (offset + slope * row.places)[:, None] * mirror.normal
         points = mirror.center + row.places[:, None] * mirror.direction + beside
         reach = REACH_CELLS * self._section(row.pixel, mirror)
-        pixel, point = np.nonzero(np.abs(row.along[:, None] - row.places) < reach[:, None])
+        first, end = (np.searchsorted(row.places, row.along + side * reach) for side in (-1.0, 1.0))
+        count = end - first
+        pixel = np.repeat(np.arange(count.size), count)
+        point = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - first, count)
         response = np.empty(pixel.size, dtype=complex)
         weights = self.k, self.taper, self.apodization
         _respond(row.pixel, points, pixel, point, self.view.radar, self.arrays, self.monostatic, *weights, response)
