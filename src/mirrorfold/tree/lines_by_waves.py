@@ -14,26 +14,14 @@ from mirrorfold.detection.search.coherent import ComplexImage
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree
 
-MOST_ERRORS = 2.0
-"""A line moves by at most this many of its standard errors: the face of a wall that scatters from inside stands before
-the points that explain its image best, and its error says how far it may be off."""
-
 
 def with_lines_by_waves(found: Found, image: ComplexImage) -> Found:
-    """What was found, with the straight, opaque mirrors on the lines that explain the image best.
-
-    A mirror whose line would move by more than `MOST_ERRORS` stays.
-    """
+    """What was found, with the straight, opaque mirrors on the lines that explain the image best."""
     passable = {wall.mirror for wall in found.transparent_walls}
     lines = {node.mirror for node in found.tree.walk() if isinstance(node.mirror, LineMirror)} - passable
     fitted: dict[Mirror, Mirror] = {}
 
-    def fit(line: LineMirror) -> None:
-        new = image.fitted(line)
-        moved = abs(float((new.center - line.center) @ line.normal))
-        fitted[line] = new if moved <= MOST_ERRORS * line.offset_error else line
-
-    for_each(fit, lines)
+    for_each(lambda line: fitted.__setitem__(line, image.fitted(line)), lines)
 
     def moved(node: MirrorTree) -> MirrorTree:
         way = tuple(fitted.get(mirror, mirror) for mirror in node.way)

@@ -125,13 +125,16 @@ class LineMirror(Mirror[ImageView]):
         inward = np.broadcast_to(self.inward(view), places.shape)
         return inward, view.power_at(*view.to_polar(places[:, None] + depth[..., None] * inward[:, None]))
 
-    def independent(self, view: ImageView) -> float:
-        """Length of the mirror over the section of its line through a resolution cell.
+    def section(self, view: ImageView, points: Array) -> Array:
+        """Length [m] of the section of its line through the resolution cell at each of points (n, 2), (n,).
 
         Where the cell lies askew to the line, this section is shorter than the extent of the cell along the line.
         """
-        section = view.range_cell * view.cross_cell(self.ends) / view.extent(self.ends, self.normal)
-        return float(self.length / section.mean())
+        return view.range_cell * view.cross_cell(points) / view.extent(points, self.normal)
+
+    def independent(self, view: ImageView) -> float:
+        """Length of the mirror over the section of its line through a resolution cell."""
+        return float(self.length / self.section(view, self.ends).mean())
 
     def moved(self, normal: Array, center: Array) -> LineMirror:
         """A mirror of the same length, whose middle is moved square onto the new line."""

@@ -27,7 +27,7 @@ from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import known_weights
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
-from mirrorfold.detection.search.fit import BLOCK_CELLS, FEWEST_BLOCKS, blocks
+from mirrorfold.detection.search.fit import block_covariance
 from mirrorfold.detection.views.image_view import ImageView
 
 NODES = 10
@@ -196,7 +196,7 @@ class ComplexImage:
         columns, rows = _chosen(self.x, x0, x1, cell[0]), _chosen(self.y, y0, y1, cell[1])
         pixel = np.stack(np.meshgrid(self.x[columns], self.y[rows]), axis=-1).reshape(-1, 2)
         along, beside = (pixel - mirror.center) @ mirror.direction, (pixel - mirror.center) @ mirror.normal
-        inside = 0.5 * mirror.length - np.abs(along) > END_CELLS * self._section(pixel, mirror)
+        inside = 0.5 * mirror.length - np.abs(along) > END_CELLS * mirror.section(view, pixel)
         inside &= np.abs(beside) < BAND_CELLS * view.extent(pixel, mirror.normal)
         value = self.values[np.ix_(rows, columns)].ravel()
         inside &= np.isfinite(value) & (value != 0.0)  # masked pixels tell nothing
@@ -205,16 +205,12 @@ class ComplexImage:
         value = value * np.exp(-1j * (self.k[0] + self.k[-1]) * range_) / range_**self.power
         # The wall may go on, seen by another way: points beyond its ends explain what of that reaches into the band.
         steps = np.linspace(-0.5 * mirror.length, 0.5 * mirror.length, 33)
-        section = self._section(mirror.center + steps[:, None] * mirror.direction, mirror)
+        section = mirror.section(view, mirror.center + steps[:, None] * mirror.direction)
         far = np.concatenate([[steps[0] - section[0]], steps, [steps[-1] + section[-1]]])
         sections = np.interp(0.5 * (far[1:] + far[:-1]), steps, section)
         number = np.concatenate([[0.0], np.cumsum(np.diff(far) / sections)])
         count = 1 + int(np.ceil(number[-1] / SPACING_CELLS))
         return Row(pixel, value, along[inside], np.interp(np.linspace(0.0, number[-1], count), number, far))
-
-    def _section(self, points: Array, mirror: LineMirror) -> Array:
-        """Length [m] of the section of the mirror's line through the resolution cell at points (n, 2), (n,)."""
-        return self.view.range_cell * self.view.cross_cell(points) / self.view.extent(points, mirror.normal)
 
     def _improved(self, row: Row, mirror: LineMirror, moved: Array, across: float) -> State:
         """The state after some Gauss-Newton steps, from responses that are linear in both parameters."""
@@ -233,19 +229,13 @@ class ComplexImage:
             slopes = weight[:, None] * (change @ np.column_stack([amplitude, amplitude * row.places]))
             weighted = diags_array(weight) @ shifted
             slopes = slopes - weighted @ solve(weighted.conj().T @ slopes)
-            bread = np.linalg.pinv((slopes.conj().T @ slopes).real)
-            step = step + bread @ (slopes.conj().T @ residual).real
-        scores = (slopes.conj() * residual[:, None]).real
-        return State(moved + step, self._covariance(row, mirror, bread, scores),
-                     float(np.sum(np.abs(residual) ** 2) / np.sum(np.abs(weight * row.value) ** 2)))  # fmt: skip
-
-    def _covariance(self, row: Row, mirror: LineMirror, bread: Array, scores: Array) -> Array:
-        """Covariance (2, 2) of the parameters, from how much the blocks of the row differ, as of centroids' fits."""
-        side = float(self._section(mirror.center[None], mirror)[0])
-        block: Index = blocks(row.along[:, None], side, BLOCK_CELLS, fewest=FEWEST_BLOCKS)
-        score = np.zeros((block.max() + 1, 2))
-        np.add.at(score, block, scores)
-        return bread @ score.T @ score @ bread * len(score) / max(len(score) - 2, 1)
+            slopes, left = (np.concatenate([part.real, part.imag]) for part in (slopes, residual))
+            step = step + np.linalg.lstsq(slopes, left, rcond=None)[0]
+        covariance = block_covariance(
+            *(slopes, left, np.ones(len(left)), np.tile(row.along, 2)[:, None], mirror.independent(self.view))
+        )
+        unexplained = np.sum(np.abs(residual) ** 2) / np.sum(np.abs(weight * row.value) ** 2)
+        return State(moved + step, covariance, float(unexplained))
 
     def responses(self, row: Row, mirror: LineMirror, moved: Array) -> csc_array:
         """How each pixel shows each point, if the line is moved by an offset [m] and a slope, (p, q), sparse.
@@ -255,7 +245,7 @@ class ComplexImage:
         offset, slope = moved
         beside = (offset + slope * row.places)[:, None] * mirror.normal
         points = mirror.center + row.places[:, None] * mirror.direction + beside
-        reach = REACH_CELLS * self._section(row.pixel, mirror)
+        reach = REACH_CELLS * mirror.section(self.view, row.pixel)
         first, end = (np.searchsorted(row.places, row.along + side * reach) for side in (-1.0, 1.0))
         count = end - first
         pixel = np.repeat(np.arange(count.size), count)
