@@ -32,7 +32,6 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.finding import STEEPEST, depression, find_echoes, see, usual_settings
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors
 from mirrorfold.detection.mirrors.plan_mirrors import mirrors_of_plan
-from mirrorfold.detection.search.coherent import ComplexImage
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View, in_single_precision
 from mirrorfold.errors import InputError
@@ -281,7 +280,6 @@ class FoldPlan:
         found = find_every_kind(
             *(view, echoes, settings), measured=measured, known=known, walls=walls, polarizations=self._polarizations,
             short=chosen.minimum_length is None,
-            image=ComplexImage.of(self.image, view) if isinstance(view, ImageView) else None,
         )  # fmt: skip
         report(2, 3)
         points = fold_back(found.tree, view, found.transparent_walls)

@@ -13,6 +13,7 @@ import numpy as np
 from mirrorfold.common.types import ROOT
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
 from mirrorfold.detection.finding import find_mirrors
+from mirrorfold.detection.search.coherent import trimmed
 from mirrorfold.detection.search.edge_on import edge_on
 from mirrorfold.detection.search.growing import lies_on
 from mirrorfold.detection.search.lines import MINIMUM_CELLS
@@ -38,13 +39,13 @@ def completed(
         # The image of a wall behind a mirror ends where that mirror ends: what goes on beside it is of another wall.
         pieces = [lies_on(piece, mirror, view) for piece in order.mirrors]
         same = np.isin(through, order.sight.parent[np.flatnonzero(pieces)])
-        longer.append(beyond_shadows(mirror, view, loose.take(same), clear, known))
+        longer.append(trimmed(beyond_shadows(mirror, view, loose.take(same), clear, known), view))
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
     sighted = loose.take(through == ROOT)
     rows = [row for row in find_mirrors(view, sighted, minimum_length=0.5 * shortest) if isinstance(row, LineMirror)]
     halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
-    whole = joined(halves, view, sighted, clear, shortest)
+    whole = [trimmed(row, view) for row in joined(halves, view, sighted, clear, shortest)]
     direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
     images = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]

@@ -16,7 +16,6 @@ import xarray as xr
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import find_echoes
-from mirrorfold.detection.search.coherent import ComplexImage
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
 from mirrorfold.tree.evidence import Steps
@@ -42,7 +41,6 @@ def find_every_kind(
     walls: Mask | None = None,
     polarizations: Mapping[str, xr.DataArray] | None = None,
     short: bool = True,
-    image: ComplexImage | None = None,
 ) -> Found:
     """Mirrors of every kind, their order, and the echoes that are seen through each.
 
@@ -57,8 +55,6 @@ def find_every_kind(
         Complex images by polarization, "TE" and "TM", by which echoes that passed through walls are found.
     short : bool
         Whether rows that are too short to be mirrors by their own echoes may be mirrors by the echoes behind them.
-    image : ComplexImage, optional
-        The complex image, to which the lines of mirrors that were found are fitted.
     """
     full_pass = partial(find_tree, view, settings=settings, measured=measured)
     found, rows, rejected = full_pass(echoes=echoes, known=known, walls=walls), list[Mirror](), list[Mirror]()
@@ -85,8 +81,8 @@ def find_every_kind(
             found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))
     if passable and not polarizations:
         found = guess_transparent(found, view, echoes, full_pass=partial(full_pass, besides=rows))
-    if image is not None:
-        found = with_lines_by_waves(found, image)
+    if isinstance(view, ImageView):
+        found = with_lines_by_waves(found, view)
     if settings.opaque and not found.transparent_walls:
         found = without_explained(found, view, rejected, measured.corners)
     return with_doubts(found, view, both) if both else found

@@ -9,28 +9,28 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mirrorfold.common.threads import for_each
-from mirrorfold.detection import LineMirror, Mirror
-from mirrorfold.detection.search.coherent import ComplexImage
+from mirrorfold.detection import ImageView, LineMirror, Mirror
+from mirrorfold.detection.search.coherent import fitted
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.mirror_tree import MirrorTree
 
 
-def with_lines_by_waves(found: Found, image: ComplexImage) -> Found:
+def with_lines_by_waves(found: Found, view: ImageView) -> Found:
     """What was found, with the straight, opaque mirrors on the lines that explain the image best."""
     passable = {wall.mirror for wall in found.transparent_walls}
     lines = {node.mirror for node in found.tree.walk() if isinstance(node.mirror, LineMirror)} - passable
-    fitted: dict[Mirror, Mirror] = {}
+    closer: dict[Mirror, Mirror] = {}
 
-    for_each(lambda line: fitted.__setitem__(line, image.fitted(line)), lines)
+    for_each(lambda line: closer.__setitem__(line, fitted(line, view)), lines)
 
     def moved(node: MirrorTree) -> MirrorTree:
-        way = tuple(fitted.get(mirror, mirror) for mirror in node.way)
-        face = way[-1].snapped(image.view, node.face) if way else node.face
+        way = tuple(closer.get(mirror, mirror) for mirror in node.way)
+        face = way[-1].snapped(view, node.face) if way else node.face
         return replace(node, way=way, face=face, mirrors=tuple(map(moved, node.mirrors)))
 
     tree = moved(found.tree)
     by_chain, crossing = tree.mirrors_by_chain(), found.sight.crossing.copy()
     for index, chain in enumerate(found.sight.chain):
         if chain:
-            crossing[index] = by_chain[chain][-1].crossing(image.view)
+            crossing[index] = by_chain[chain][-1].crossing(view)
     return found._replace(tree=tree, sight=replace(found.sight, crossing=crossing))

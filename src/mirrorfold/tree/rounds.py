@@ -20,6 +20,7 @@ from mirrorfold.common.types import UNSEEN, Array, Index, Mask, Names
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
 from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.mirrors.curved import on_rows
+from mirrorfold.detection.search.coherent import doubtful_rows
 from mirrorfold.tree.assignment import AT_EDGE, ITSELF, Found, assign_echoes, at_edges, radar_itself
 from mirrorfold.tree.completion import completed
 from mirrorfold.tree.curved import without_bent
@@ -92,6 +93,9 @@ def find_tree(
         if measured.overhangs is not None and not (new := measured.overhangs(order, seen)).same(overhangs):
             overhangs = new
             order, seen = agreed(partial(find, view=view, walls=walls, overhangs=overhangs), echoes, settings)
+        if searched and isinstance(view, ImageView) and len(rows := doubtful_rows(order.mirrors, view)):
+            view = view.knowing(doubtful=np.concatenate([view.doubtful, rows]))
+            continue
         clear = order.sight.clear(echoes)
         rescattered = _note_causes(reasons, order, seen, clear, settings, measured)
         blurs, corners = False, np.zeros((0, 2))

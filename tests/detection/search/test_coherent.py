@@ -1,4 +1,5 @@
-"""The line of a rough wall is found from its waves, to a hundredth of what speckle moves centroids of power by."""
+"""The line of a rough wall is found from its waves, to a hundredth of what speckle moves centroids of power by; so is
+where the wall ends, if something else stands in line with it."""
 
 from __future__ import annotations
 
@@ -13,7 +14,16 @@ from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.detection import LineMirror, see
-from mirrorfold.detection.search.coherent import FARTHEST_CELLS, ComplexImage, Row
+from mirrorfold.detection.search.coherent import (
+    FARTHEST_CELLS,
+    Row,
+    doubtful_rows,
+    fitted,
+    responses,
+    shown_part,
+    trimmed,
+)
+from mirrorfold.detection.views.complex_image import ComplexImage
 
 START, END = np.array([-0.15, 0.5]), np.array([0.25, 0.62])
 """Ends of the wall [m]: it is seen aslant, so that its resolution cells lie askew to it."""
@@ -45,7 +55,7 @@ def image_of(arrays="two lines", *, seed=0, scale=1.0, besides=(), **given):
     places = np.column_stack([places, np.zeros(len(places))])
     samples = echoes(FREQUENCY / scale, tx, rx, places, amplitude)
     sweep = mf.make_sweep(samples, frequency=FREQUENCY / scale, tx_position=tx, rx_position=rx)
-    x, y = scale * np.arange(-0.25, 0.35, 0.002), scale * np.arange(0.4, 0.75, 0.003)
+    x, y = scale * np.arange(-0.25, 0.45, 0.002), scale * np.arange(0.4, 0.75, 0.003)
     return mf.focus(sweep, x=x, y=y, **given)
 
 
@@ -68,10 +78,10 @@ def errors(image, *, turned=0.4, moved=0.001, scale=1.0):
     turn = np.tan(np.radians(turned))
     beside = (moved * scale + turn * 0.5 * wall.length * np.array([[-1.0], [1.0]])) * wall.normal
     askew = LineMirror(*(wall.ends + beside))
-    fitted = ComplexImage.of(image, see(image)).fitted(askew)
-    angle = np.degrees(np.arcsin(wall.direction @ fitted.normal))
-    offset = (fitted.center - wall.center) @ wall.normal
-    return angle, offset, fitted.angle_error, fitted.offset_error
+    found = fitted(askew, see(image))
+    angle = np.degrees(np.arcsin(wall.direction @ found.normal))
+    offset = (found.center - wall.center) @ wall.normal
+    return angle, offset, found.angle_error, found.offset_error
 
 
 @pytest.mark.parametrize("arrays", ["two lines", "lines of two lengths"])
@@ -122,7 +132,7 @@ def test_a_line_that_would_leave_its_row_stays():
     view = see(image)
     across = float(view.extent(wall.center[None], wall.normal)[0])
     far = wall.moved(wall.normal, wall.center + 1.2 * FARTHEST_CELLS * across * wall.normal)
-    assert ComplexImage.of(image, view).fitted(far) is far
+    assert fitted(far, view) is far
 
 
 def test_masked_pixels_are_left_out():
@@ -132,9 +142,9 @@ def test_masked_pixels_are_left_out():
     view = see(image)
     wall = LineMirror(START, END)
     near = LineMirror(*(wall.ends + 0.001 * wall.normal))
-    fitted = ComplexImage.of(masked, view).fitted(near)
-    assert abs((fitted.center - wall.center) @ wall.normal) < 5e-5
-    assert ComplexImage.of(0.0 * image, view).fitted(near) is near
+    found = fitted(near, replace(view, waves=ComplexImage.of(masked, view)))
+    assert abs((found.center - wall.center) @ wall.normal) < 5e-5
+    assert fitted(near, replace(view, waves=ComplexImage.of(0.0 * image, view))) is near
 
 
 def test_images_that_do_not_tell_their_waves_are_not_used():
@@ -146,6 +156,52 @@ def test_images_that_do_not_tell_their_waves_are_not_used():
     bare = image.copy()
     bare.attrs = {}
     assert ComplexImage.of(bare, see(bare)) is None
+    wall, blind = LineMirror(START, END), see(abs(image))
+    assert fitted(wall, blind) is shown_part(wall, blind) is wall
+
+
+def in_line(*, gap, aside, length=0.1, seed=0):
+    """The image of the wall and, in line with its end, beyond a gap [m], of another one that stands aside [m] of its
+    line at the far end, and on it at the near end.
+    """
+    wall = LineMirror(START, END)
+    random = np.random.default_rng(seed)
+    along = np.sort(random.random(120))
+    places = END + (gap + length * along)[:, None] * wall.direction + (aside * along**2)[:, None] * wall.normal
+    return image_of(seed=seed, besides=tuple(map(tuple, places)))
+
+
+def test_what_bends_away_from_the_line_of_a_wall_is_no_part_of_it():
+    """By one resolution cell at its end; where it leaves the line by half a cell, the wall may end."""
+    wall = LineMirror(START, END)
+    for seed in range(3):
+        view = see(in_line(gap=0.04, aside=0.02, seed=seed))
+        whole = LineMirror(START, END + 0.14 * wall.direction)
+        part = shown_part(whole, view)
+        cell = float(whole.section(view, END[None])[0])
+        assert wall.length - cell < part.length < wall.length + 0.04 + 0.7 * 0.1 + cell
+        np.testing.assert_allclose(part.start, START, atol=1e-12)
+
+
+def test_a_wall_that_goes_on_behind_a_gap_stays_whole():
+    wall = LineMirror(START, END)
+    whole = LineMirror(START, END + 0.14 * wall.direction)
+    for seed in range(3):
+        assert shown_part(whole, see(in_line(gap=0.04, aside=0.0, seed=seed))) is whole
+
+
+def test_only_mirrors_on_doubtful_rows_are_trimmed():
+    wall = LineMirror(START, END)
+    whole = LineMirror(START, END + 0.14 * wall.direction)
+    view = see(in_line(gap=0.04, aside=0.02))
+    assert trimmed(whole, view) is whole
+    rows = doubtful_rows([whole, wall], view)
+    np.testing.assert_array_equal(rows, whole.ends[None])
+    doubtful = view.knowing(doubtful=rows)
+    assert not len(doubtful_rows([whole], doubtful))
+    np.testing.assert_array_equal(trimmed(whole, doubtful).ends, shown_part(whole, view).ends)
+    beside = whole.moved(whole.normal, whole.center + 0.1 * whole.normal)
+    assert trimmed(beside, doubtful) is beside
 
 
 @pytest.mark.nojit
@@ -161,15 +217,16 @@ def test_the_response_to_a_point_is_its_focused_image(arrays):
         "tx_aperture": lengths[0], "rx_aperture": lengths[1], "taper": "hann", "radar_position": np.zeros(3),
     }  # fmt: skip
     image = xr.DataArray(np.ones((y.size, x.size), complex), {"y": y, "x": x}, ("y", "x"), attrs=attrs)
-    waves = ComplexImage.of(image, see(image))
+    view = see(image)
+    waves = view.waves
     wall = LineMirror(START, END)
     along = (pixels - wall.center) @ wall.direction
     row = Row(pixels, np.zeros(len(pixels), dtype=complex), along, np.zeros(1))
-    found = waves.responses(row, wall, np.zeros(2)).toarray()[:, 0]
+    found = responses(row, wall, view, np.zeros(2)).toarray()[:, 0]
     k = 2.0 * np.pi * FREQUENCY / speed_of_light
     middle = 0.5 * (waves.k[0] + waves.k[-1])
     expected = np.zeros(len(pixels), dtype=complex)
-    taper = np.interp(np.linspace(0, 1, k.size), np.linspace(0, 1, waves.view.window.size), waves.view.window)
+    taper = np.interp(np.linspace(0, 1, k.size), np.linspace(0, 1, view.window.size), view.window)
     for share, one in zip(taper / taper.sum(), k, strict=True):
         sums = []
         for array in ARRAYS[arrays]:

@@ -15,6 +15,7 @@ from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
+from mirrorfold.detection.search.coherent import trimmed
 from mirrorfold.detection.search.fit import (
     FEWEST_PLACES,
     power_centroids,
@@ -163,8 +164,15 @@ class _Lines(Search[LineMirror]):
     def refined(self, mirror: LineMirror) -> LineMirror | None:
         """The mirror, continued as far as its row goes on, faint echoes included, and fitted to the image.
 
-        None if the fitted line leaves the row: `KEPT_SHARE`.
+        On rows that are doubtful, only what its waves show to be a wall. None if that is too short, or if the fitted
+        line leaves the row: `KEPT_SHARE`.
         """
+        row = self._on_image(mirror)
+        part = row and trimmed(row, self.view)
+        return part if part and (part is row or part.length >= self.shortest(part)) else None
+
+    def _on_image(self, mirror: LineMirror) -> LineMirror | None:
+        """The mirror as the power of the image shows it, see `refined`."""
         points = self.every.position[self.every.visible]
         on_it = np.abs(mirror.beside(points)) <= NEAR * self.view.extent(points, mirror.normal)
         near = points[on_it]

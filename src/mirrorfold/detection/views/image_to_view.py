@@ -18,6 +18,7 @@ from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.types import Array
 from mirrorfold.common.windows import MOST_WEIGHTS, cell_of, half_amplitude_width, known_weights
 from mirrorfold.detection.echoes import noise_level
+from mirrorfold.detection.views.complex_image import ComplexImage
 from mirrorfold.detection.views.image_view import LARGEST_SINE, SAMPLES_PER_CELL, UNIFORM_CELL, ImageView, uniform_cell
 from mirrorfold.detection.views.resampling import interpolated, sampled
 from mirrorfold.detection.views.view import check_samples
@@ -50,7 +51,8 @@ def to_image_view(image: xr.DataArray, *, normalization: str | None = None) -> I
     blank = image.values == 0
     if blank.any():  # masked pixels stay empty: splines overshoot beside the edges of a mask
         amplitude[interpolated(view, blank, axes, order=0)] = 0.0
-    return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0)
+    waves = ComplexImage.of(image, view)
+    return replace(view, amplitude=amplitude, noisy=noise_level(image.values) > 0.0, waves=waves)
 
 
 def outline_of(image: xr.DataArray, normalization: str | None = None) -> ImageView:

@@ -20,6 +20,7 @@ from scipy.spatial.distance import cdist
 
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.detection.echoes import Echoes
+from mirrorfold.detection.views.complex_image import ComplexImage
 from mirrorfold.detection.views.image_lobes import side_lobes
 from mirrorfold.detection.views.view import View
 
@@ -95,6 +96,10 @@ class ImageView(View):
         went out.
     corners : (c, 2) array [m]
         Where the image shows the vertices of right-angled corners, found by the sweep.
+    doubtful : (s, 2, 2) array [m]
+        Ends of rows of echoes of which only a part is a wall, as its waves show.
+    waves : ComplexImage, optional
+        The image with its phases, if these are known.
     radar, range, range_cell, normalization, wavelength, window
         See `View`.
     """
@@ -117,10 +122,12 @@ class ImageView(View):
     aperture_filled: float = 0.0
     misplaced: Array = field(default_factory=lambda: np.zeros((0, 2)))
     corners: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    doubtful: Array = field(default_factory=lambda: np.zeros((0, 2, 2)))
     window: Array = field(default_factory=lambda: np.zeros(0))
+    waves: ComplexImage | None = None
 
     def knowing(self, **known: Array) -> ImageView:
-        """The same view with other `misplaced` echoes or `corners`; all else that was computed is kept."""
+        """The same view with other `misplaced` echoes, `corners` or `doubtful` rows; what was computed is kept."""
         view = replace(self, **known)  # type: ignore[arg-type]
         kept = vars(self).keys() - vars(view).keys() - {"_misplaced_in_cells"}
         view.__dict__.update({name: vars(self)[name] for name in kept})
