@@ -97,6 +97,14 @@ def test_metal_walls_fold_as_with_one_polarization_to_the_bit(both):
         np.testing.assert_array_equal(found["intensity"], alone["intensity"])
 
 
+@pytest.mark.slow
+def test_images_that_tell_a_part_of_their_band_fold_as_one_polarization(both):
+    image = mf.focus(both, x=np.arange(-0.4, 0.8, 0.006), y=np.arange(0.2, 1.5, 0.006), tolerance=1e-2)
+    del image.attrs["frequency_start"]
+    alone = mf.fold(image.isel(polarization=0).drop_vars("polarization"))
+    np.testing.assert_array_equal(mf.fold(image)["intensity"], alone["intensity"])
+
+
 @pytest.mark.parametrize("of_the_other_time", [("TE",), ("TM",), ("TE", "TM")])
 def test_sweeps_of_either_time_convention_are_joined_alike(of_the_other_time):
     sweeps = {name: simulated(polarization=name) for name in ("TE", "TM")}

@@ -36,6 +36,14 @@ VECTOR_ATTRIBUTES = ("radar_position", "array_direction")
 APERTURES = "tx_aperture", "rx_aperture"
 """Attributes that hold the lengths of both arrays [m]."""
 
+BAND = "frequency_start", "frequency_stop", "frequency_points"
+"""Attributes that hold the frequencies with which an image was focused [Hz, Hz, 1]."""
+
+
+def tells_band(attrs: Mapping[Any, Any]) -> bool:
+    """Whether the attributes of an image tell its frequencies; an image of another program may tell only some."""
+    return all(attrs.get(name) is not None for name in BAND)
+
 
 def check_facts(attrs: Mapping[Any, Any], source: str, prefix: str = "") -> None:
     """Refuse impossible facts about the measurement in the attributes of an image or of a reconstruction.

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.common.arguments import in_message, wrong_kind
+from mirrorfold.common.facts import tells_band
 from mirrorfold.common.slabs import POLARIZATIONS
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import CONJUGATED, TIME_CONVENTION, antenna_positions, wave_speed
@@ -155,7 +156,7 @@ def polarized(image: Any, sweep: xr.Dataset | None) -> tuple[dict[str, xr.DataAr
     Returns
     -------
     both : dict of str to xarray.DataArray
-        The complex images by polarization, where there are both TE and TM; otherwise empty.
+        The complex images by polarization, where there are both TE and TM, of known frequencies; otherwise empty.
     image : xarray.DataArray
         The image of the first polarization, TE if there is one.
     sweep : xarray.Dataset, or None
@@ -176,6 +177,7 @@ def polarized(image: Any, sweep: xr.Dataset | None) -> tuple[dict[str, xr.DataAr
     if not of_image:
         return {}, image, sweep
     first = next(name for name in POLARIZATIONS if name in of_image)
-    both = {name: picked(image, name) for name in of_image} if len(of_image) == 2 and np.iscomplexobj(image) else {}
+    usable = len(of_image) == 2 and np.iscomplexobj(image) and tells_band(image.attrs)
+    both = {name: picked(image, name) for name in of_image} if usable else {}
     own = picked(sweep, first) if sweep is not None and of_sweep else sweep
     return both, picked(image, first), own

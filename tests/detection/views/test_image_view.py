@@ -327,6 +327,18 @@ def test_one_transmitter_or_one_receiver_resolves_as_the_other_array_does():
         assert one.u_cell / both.u_cell == pytest.approx(np.sqrt(2.0))
 
 
+@pytest.mark.parametrize("missing", ["frequency_start", "frequency_stop", "frequency_points"])
+def test_an_image_that_tells_a_part_of_its_band_is_seen_as_one_that_tells_nothing(missing):
+    image = gaussian_image([], *GRID).assign_attrs(frequency_start=290e9, frequency_stop=300e9, frequency_points=401,
+                                                   tx_aperture=0.08, rx_aperture=0.08)  # fmt: skip
+    bare = image.copy()
+    bare.attrs = {"radar_position": image.attrs["radar_position"]}
+    del image.attrs[missing]
+    view, bare = to_image_view(image), to_image_view(bare)
+    assert np.isinf(view.wavelength)
+    assert (view.range_cell, view.u_cell, view.window.size) == (bare.range_cell, bare.u_cell, 0)
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.int16, np.uint32, np.int64])
 def test_integer_pixels_are_seen_as_the_same_numbers_with_a_point(dtype):
     image = np.abs(gaussian_image([(0.9, 0.1, 1.0), (1.1, -0.2, 0.3)], *GRID))

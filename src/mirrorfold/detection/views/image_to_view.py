@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.constants import speed_of_light
 
 from mirrorfold.common.arguments import one_of
-from mirrorfold.common.facts import radar_place
+from mirrorfold.common.facts import radar_place, tells_band
 from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.memory import check_room
 from mirrorfold.common.normalization import RANGE_POWERS
@@ -136,7 +136,7 @@ def _known_cell(attrs: dict[Any, Any]) -> tuple[float, float, Array, float, Arra
     Returns its width in range [m] and in u, the lengths of the transmitting and of the receiving array in wavelengths,
     (2,), the wavelength [m], and the weights over frequency (n,), empty if these are not known.
     """
-    points = int(attrs.get("frequency_points", 0))
+    points = int(attrs["frequency_points"]) if tells_band(attrs) else 0
     aperture = np.array([attrs.get("tx_aperture", 0.0), attrs.get("rx_aperture", 0.0)], dtype=float)
     if points <= 1 or aperture.max() <= 0.0:
         return None
