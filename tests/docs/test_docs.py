@@ -1,5 +1,6 @@
-"""The documentation: every link of a page leads somewhere, promises name tests that exist, the files of a release agree
-with the package; the site is built without warnings and needs no network.
+"""The documentation: every link of a page leads somewhere, the program understands the commands that are shown,
+promises name tests that exist, the files of a release agree with the package; the site is built without warnings and
+needs no network.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from cyclopts import CycloptsError, MissingArgumentError
 
 import mirrorfold as mf
+from mirrorfold.cli import VERBS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
@@ -28,7 +31,15 @@ PAGES = [
 NONE_YET = ("examples/plot_NAME.py", "src/mirrorfold/_version.py")
 """Files that are named and need not exist: one to write, one that comes with an installation."""
 
+TEMPLATES = sorted((ROOT / ".github").rglob("*.yml"))
+"""Forms for issues, and workflows, which run commands."""
+
 MADE = ("docs/gallery", "docs/explanation/index.md", "docs/reference/commands.md", "docs/reference/json.md")
+
+
+def skip_if_made(page):
+    if str(page.relative_to(ROOT)).startswith(MADE):
+        pytest.skip("made by a build of the site")
 
 
 def anchors(page):
@@ -52,8 +63,7 @@ def test_pages_hold_links():
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_links_lead_to_files_and_headings(page):
     """Without Sphinx: what a build makes is not there on a code host."""
-    if str(page.relative_to(ROOT)).startswith(MADE):
-        pytest.skip("made by a build of the site")
+    skip_if_made(page)
     for target in links(page):
         if target.startswith(("http", "mailto")):
             continue
@@ -90,6 +100,62 @@ def test_modules_and_functions_that_pages_name_exist():
                 pkgutil.resolve_name(f"mirrorfold.{name}")
             except (AttributeError, ImportError):
                 pytest.fail(f"{page.name} names {name}")
+
+
+def commands(text):
+    """The commands of a page, as words: lines of its blocks, and what stands in back quotes among its sentences."""
+    text = re.sub(r"\\\n\s*", " ", text)
+    lines = re.findall(r"^(?:\$ | {4}|\s*- run: )(mirrorfold .*)$", text, flags=re.MULTILINE)
+    quoted = re.findall(r"`(mirrorfold [^`]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+    whole = [re.split(r" [|>;&]", command)[0] for command in (*lines, *quoted)]
+    return [words for command in whole for words in [shlex.split(command, comments=True)[1:]] if words]
+
+
+def complaint(words):
+    """What the program says of the words of a command, without running it; None if it understands them.
+
+    A command that is shortened with ``...`` or is only named may lack arguments, and one with placeholders in
+    brackets is not for typing.
+    """
+    from mirrorfold.cli.program import app
+
+    verb, *rest = words
+    if verb.startswith("--") or verb == verb.upper() or any(word.startswith("[") for word in rest):
+        return None
+    if verb not in VERBS:
+        return f"{verb!r} is no verb"
+    try:
+        app.parse_args([word for word in words if word != "..."], print_error=False, exit_on_error=False)
+    except MissingArgumentError:
+        return None
+    except CycloptsError as error:
+        return " ".join(str(error).split())
+    return None
+
+
+def test_pages_show_commands():
+    assert sum(len(commands(page.read_text(encoding="utf-8"))) for page in (*PAGES, *TEMPLATES)) > 100
+
+
+@pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_program_understands_what_pages_show(page):
+    skip_if_made(page)
+    for words in commands(page.read_text(encoding="utf-8")):
+        assert complaint(words) is None, f"{page.name}: {shlex.join(['mirrorfold', *words])}"
+
+
+@pytest.mark.parametrize(
+    ("shown", "said"),
+    [
+        ("$ mirrorfold unfold image.nc -o out.nc", "'unfold' is no verb"),
+        ("$ mirrorfold fold image.nc \\\n    -o out.nc --thresholds -20  # dB", "--thresholds"),
+        ("    mirrorfold simulate scene.toml -o sweep.nc --solver waves", "waves"),
+        ("is written by `mirrorfold focus\nsweep.nc --tolerance small`.", "small"),
+    ],
+)
+def test_what_the_program_does_not_understand_is_found(shown, said):
+    (words,) = commands(shown)
+    assert said in complaint(words)
 
 
 def test_what_pages_show_as_toml_is_toml():
@@ -194,6 +260,8 @@ def test_the_conda_recipe_asks_for_the_same_packages():
     asked = {one.replace(" ", "").replace("matplotlib-base", "matplotlib") for one in recipe["requirements"]["run"]}
     assert asked == {f"python{project['requires-python']}", *project["dependencies"]}
     assert recipe["about"]["summary"] == project["description"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert f'default="{citation["version"]}"' in recipe["context"]["version"]
 
 
 @pytest.mark.replay
