@@ -47,13 +47,13 @@ help: ## list the targets
 demo: $(READY) ## simulate the hidden corner, reconstruct it, score it; files in demo/
 	$(VENV)/bin/mirrorfold demo --out demo
 
-test: $(READY) ## run all tests but replays and those of measured times
+test: $(READY) ## run all tests but replays and those of measured times and memory
 	$(PYTEST) -m "not replay and not timing"
 
 test-replays: $(READY) ## replay the published experiments at small size, the examples, and the guides
 	$(PYTEST) -m "replay and not timing"
 
-test-timing: $(READY) ## compare measured times, on an otherwise idle machine
+test-timing: $(READY) ## compare measured times and memory, on an otherwise idle machine
 	$(PYTHON) -m pytest -m timing
 
 test-quick: $(READY) ## run the tests that take no more than a third of a second each
