@@ -34,6 +34,7 @@ from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirro
 from mirrorfold.detection.mirrors.plan_mirrors import mirrors_of_plan
 from mirrorfold.detection.views.image_view import ImageView
 from mirrorfold.detection.views.view import View, in_single_precision
+from mirrorfold.detection.views.volume_view import check_scan
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.imaging import focus
 from mirrorfold.focusing.labels import check_origin
@@ -100,12 +101,25 @@ def reconstruct(
     folding = FoldSettings.rules()
     imaging = {name: given.pop(name) for name in FocusSettings.rules() if name in given and name not in folding}
     chosen = FocusSettings().with_given(tolerance=tolerance, **imaging)
+    check_foldable(sweep, chosen)
     if is_raster(sweep) and not is_gridded(chosen) and not polarizations(sweep):
         image = amplitude_of_scan(sweep, chosen, progress)
     else:
         image = focus(sweep, tolerance=tolerance, progress=progress, **imaging)
     known = None if is_raster(sweep) else sweep
     return fold(image, sweep=known, mirrors=mirrors, preset=preset, memory_limit=chosen.memory_limit, **given)
+
+
+def check_foldable(sweep: xr.Dataset, settings: FocusSettings) -> None:
+    """Refuse a sweep whose image can be focused with these settings, but not be folded.
+
+    Raises
+    ------
+    InputError
+        If it is not valid, or a raster scan of too few beams or in unequal steps, and no Cartesian grid is asked for.
+    """
+    if is_raster(sweep) and not is_gridded(settings):
+        check_scan(check_sweep(sweep))
 
 
 @takes(FoldSettings)

@@ -40,6 +40,19 @@ def test_a_dry_run_says_what_it_would_take(verb, sweep, capsys):
     assert [path.name for path in sweep.parent.iterdir()] == ["sweep.nc"]
 
 
+def test_a_dry_run_refuses_a_scan_of_one_row_as_the_run_does(tmp_path, capsys):
+    s = np.ones((21, 9, 1)) + 1j * np.linspace(0.0, 1.0, 9)[:, None]
+    scan = mf.make_raster_sweep(s, frequency=np.linspace(90e9, 91e9, 21), azimuth=np.arange(9.0), elevation=np.zeros(1))
+    given = ["reconstruct", str(mf.save(scan, tmp_path / "row.nc"))]
+    assert main([*given, "--dry-run"]) == 2
+    foreseen = capsys.readouterr().err
+    assert main([*given, "-o", str(tmp_path / "out")]) == 2
+    assert foreseen.strip().splitlines()[-1] == capsys.readouterr().err.strip().splitlines()[-1]
+    volume = mf.save(mf.focus(scan), tmp_path / "volume.nc")
+    assert main(["fold", str(volume), "--dry-run"]) == 2
+    assert "axis elevation needs a coordinate [m or degree] with at least 4 pixels" in capsys.readouterr().err
+
+
 def test_without_a_dry_run_an_output_is_needed(sweep, capsys):
     assert main(["focus", str(sweep)]) == 2
     assert "--output is missing" in capsys.readouterr().err

@@ -284,6 +284,23 @@ def test_what_stands_behind_an_object_is_no_object():
     assert np.any((points[:, 0] > 0.05) & (points[:, 1] > 1.45))
 
 
+@pytest.mark.parametrize(
+    ("kept", "match"),
+    [
+        ({"elevation": slice(1)}, "beams at 1 elevation, expected at least 4"),
+        ({"azimuth": slice(3)}, "beams at 3 azimuths"),
+        ({"azimuth": [0, 1, 3, 4, 5]}, "azimuth does not rise in equal steps"),
+    ],
+)
+def test_a_scan_that_cannot_be_folded_is_refused_before_it_is_focused(kept, match):
+    def focusing(done, total):
+        raise AssertionError("the scan was focused")
+
+    scan = point_sweep((0.0, 1.2, 0.0)).isel(kept)
+    with pytest.raises(mf.InputError, match=match):
+        mf.reconstruct(scan, progress=focusing)
+
+
 def test_wrong_volumes_and_settings_are_refused():
     volume = focus_raster(point_sweep((0.0, 1.2, 0.0)), limits=(1.0, 1.4))
     with pytest.raises(mf.InputError, match="every pixel is zero"):

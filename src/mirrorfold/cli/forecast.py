@@ -38,9 +38,12 @@ def forecast_sweep(path: Path, given: dict[str, Any], frame: int | None = None, 
     """
     from mirrorfold.describing.planning import FOLDING_PIXELS_PER_SECOND
     from mirrorfold.focusing import choose_algorithm
+    from mirrorfold.reconstruction import check_foldable
 
     (sweep,) = one_frame(frame, read(path, "sweep"))
     own = {name: value for name, value in given.items() if name in FocusSettings.__dataclass_fields__}
+    if folded:
+        check_foldable(sweep, FocusSettings().with_given(**own))
     found = choose_algorithm(sweep, frames=int(sweep.sizes.get("frame", 1)), **own)
     if not folded:
         return found

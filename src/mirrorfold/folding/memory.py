@@ -9,6 +9,7 @@ from mirrorfold.common.facts import VOLUME, VOXELS
 from mirrorfold.common.forecasts import Parts, fullest
 from mirrorfold.detection.search.fit import PROFILE_SAMPLES
 from mirrorfold.detection.views.image_to_view import outline_of
+from mirrorfold.detection.views.view import check_axes
 from mirrorfold.detection.volume_echoes import MOST_ECHOES
 from mirrorfold.tree.explaining.directions import bytes_at_once
 from mirrorfold.tree.explaining.waves import profile_bytes
@@ -75,6 +76,7 @@ def _of_image(held: Parts, image: xr.DataArray, sweep: xr.Dataset | None) -> Par
 
 def _of_volume(held: Parts, volume: xr.DataArray) -> Parts:
     """The arrays at the fullest stage of folding a volume (range, azimuth, elevation)."""
+    check_axes(volume, VOLUME)
     beams = float(volume.sizes["azimuth"] * volume.sizes["elevation"])
     view = {"amplitude": SINGLE * volume.size}
     if volume.dtype == np.float32:  # the amplitude of a scan that was focused to be folded is itself the view

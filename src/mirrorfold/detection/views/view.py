@@ -32,6 +32,9 @@ NEGATIVE_SHARE = 0.9
 """Share of negative pixels above which an image holds levels in dB, which are negative everywhere but at the peak. Real
 parts of waves are negative at half of all pixels."""
 
+FEWEST_SAMPLES = 4
+"""Smallest number of pixels, or beams, along each axis of an image that can be folded."""
+
 POINTS_AT_ONCE = 1000
 """Number of points that are given to `View.within` at once. Each may be near hundreds of directions, so that the pairs
 of all points would take far more memory than the image."""
@@ -299,30 +302,15 @@ def in_single_precision(image: xr.DataArray) -> xr.DataArray:
 
 
 def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
-    """Refuse anything but an image of these dimensions with finite values on a regular grid, at least 4 along each, and
-    possible facts about the radar.
+    """Refuse anything but an image of these dimensions with finite values on a regular grid, and possible facts about
+    the radar.
 
     Raises
     ------
     InputError
         If the image is not of that kind, or seems to hold levels in dB.
     """
-    if not isinstance(image, xr.DataArray) or image.dims != dims:
-        found = getattr(image, "dims", type(image).__name__)
-        many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
-        for axes in (dims, VOXELS, VOLUME):
-            if sorted(map(str, found)) == sorted(axes):
-                many = f"; image.transpose({', '.join(map(repr, axes))}) sorts them"
-        raise InputError(f"image: has dimensions {found}, expected an image with dimensions {dims}{many}")
-    for name in dims:
-        if name not in image.coords or image.sizes[name] < 4:
-            raise InputError(f"image: axis {name} needs a coordinate [m or degree] with at least 4 pixels")
-        check_unit(image[name], "image")
-        step = np.diff(image[name].values.astype(float))
-        if not in_equal_steps(image[name].values.astype(float)):
-            falls = np.isfinite(step).all() and (step < 0.0).all()
-            remedy = f"turn it over by image.sortby({name!r})" if falls else "resample to a regular grid"
-            raise InputError(f"image: the coordinate {name} does not rise in equal steps; {remedy}")
+    check_axes(image, dims)
     check_facts(image.attrs, "image")
     if image.dtype.kind not in "cfiu":
         raise InputError(f"image: holds values of type {image.dtype}, expected real or complex amplitudes")
@@ -334,3 +322,31 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
             "image: nearly all values are negative, as levels in dB are, expected amplitudes; import it with "
             "--decibel, in Python import_image(file, decibel=True), or take 10 ** (image / 20)"
         )
+
+
+def check_axes(image: xr.DataArray, dims: tuple[str, ...]) -> None:
+    """Refuse anything but an image of these dimensions on a regular grid, with at least `FEWEST_SAMPLES` along each.
+
+    Raises
+    ------
+    InputError
+        If the image is not of that kind.
+    """
+    if not isinstance(image, xr.DataArray) or image.dims != dims:
+        found = getattr(image, "dims", type(image).__name__)
+        many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
+        for axes in (dims, VOXELS, VOLUME):
+            if sorted(map(str, found)) == sorted(axes):
+                many = f"; image.transpose({', '.join(map(repr, axes))}) sorts them"
+        raise InputError(f"image: has dimensions {found}, expected an image with dimensions {dims}{many}")
+    for name in dims:
+        if name not in image.coords or image.sizes[name] < FEWEST_SAMPLES:
+            raise InputError(
+                f"image: axis {name} needs a coordinate [m or degree] with at least {FEWEST_SAMPLES} pixels"
+            )
+        check_unit(image[name], "image")
+        step = np.diff(image[name].values.astype(float))
+        if not in_equal_steps(image[name].values.astype(float)):
+            falls = np.isfinite(step).all() and (step < 0.0).all()
+            remedy = f"turn it over by image.sortby({name!r})" if falls else "resample to a regular grid"
+            raise InputError(f"image: the coordinate {name} does not rise in equal steps; {remedy}")

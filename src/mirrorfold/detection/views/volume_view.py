@@ -13,10 +13,11 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.beams import HALF_POWER, beam_angles, beam_direction, beam_radius
 from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.facts import VOLUME, radar_place
+from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.common.windows import cell_of, hann, known_weights, side_lobe_envelope
 from mirrorfold.detection.echoes import SIDE_LOBE_MARGIN_DB, noise_level, noise_limit
-from mirrorfold.detection.views.view import View, check_samples, in_pieces
+from mirrorfold.detection.views.view import FEWEST_SAMPLES, View, check_samples, in_pieces
 from mirrorfold.errors import InputError
 from mirrorfold.focusing.scans.range_profiles import beams_of, magnitudes, spreading
 
@@ -196,6 +197,26 @@ class VolumeView(View):
     def object_depth(self, range_: Array) -> Array:
         """`OPAQUE_RADII` radii of the beam."""
         return OPAQUE_RADII * self.width(range_)
+
+
+def check_scan(sweep: xr.Dataset) -> None:
+    """Refuse a raster scan whose volume could be focused, but not folded.
+
+    Raises
+    ------
+    InputError
+        If it has fewer than `FEWEST_SAMPLES` azimuths or elevations, or they do not rise in equal steps.
+    """
+    alone = "or look at the image alone, with focus"
+    for name in VOLUME[1:]:
+        angles = sweep[name].values.astype(float)
+        if angles.size < FEWEST_SAMPLES:
+            raise InputError(
+                f"sweep: has beams at {angles.size} {name}{'s' if angles.size > 1 else ''}, expected at least "
+                f"{FEWEST_SAMPLES}, because mirrors are found as planes; scan more of them, {alone}"
+            )
+        if not in_equal_steps(angles):
+            raise InputError(f"sweep: {name} does not rise in equal steps; scan or resample to equal steps, {alone}")
 
 
 def to_volume_view(volume: xr.DataArray, *, normalization: str | None = None) -> VolumeView:
