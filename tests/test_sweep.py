@@ -61,7 +61,7 @@ def test_a_valid_sweep_passes_unchanged(sweep):
             "tx_position holds a coordinate that is not finite",
         ),
         (lambda s: s.assign_coords(frequency=-s["frequency"]), "not positive"),
-        (lambda s: s.isel(frequency=slice(None, None, -1)), "equal rising steps"),
+        (lambda s: s.isel(frequency=slice(None, None, -1)), "equal rising steps; they fall: turn frequency and s over"),
         (lambda s: with_frequency(s, 5, 1e7), "equal rising steps"),
         (lambda s: with_sample(s, np.nan), "1 samples of 3321 that are not finite"),
         (lambda s: with_sample(s, np.inf), "1 samples of 3321 that are not finite"),

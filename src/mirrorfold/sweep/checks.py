@@ -142,14 +142,13 @@ def _in_equal_steps(sweep: xr.Dataset, refuse: Refuse) -> xr.Dataset:
     even = without_rounding(frequency)
     step = np.diff(even.astype(float))
     if step.size and (step.mean() <= 0 or np.abs(step - step.mean()).max() > STEP_TOLERANCE * step.mean()):
-        which = uneven_steps(even.astype(float))
+        which, remedy = uneven_steps(even.astype(float)), "sort them or resample to a uniform grid"
+        if which:
+            remedy = f"{which}: leave one out, or measure what is missing"
+        elif (step < 0).all():
+            remedy = "they fall: turn frequency and s over, frequency[::-1] and s[::-1] (calibrate --sort-frequencies)"
         raise refuse(
-            f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; "
-            + (
-                f"{which}: leave one out, or measure what is missing"
-                if which
-                else "sort them or resample to a uniform grid"
-            )
+            f"frequency has steps from {step.min():g} to {step.max():g} Hz, expected equal rising steps; {remedy}"
         )
     return sweep if even is frequency else sweep.assign_coords(frequency=sweep["frequency"].copy(data=even))
 
