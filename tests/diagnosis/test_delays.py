@@ -131,6 +131,14 @@ def test_other_faults_are_not_taken_for_cables():
     assert {name: cables(wrong) for name, wrong in faults(sweep)} == {name: [] for name, _ in faults(sweep)}
 
 
+@pytest.mark.parametrize("cable", [3.8, 4.5, 4.95])
+def test_a_cable_of_most_of_the_ambiguous_path_is_no_other_mistake(cable):
+    """The ambiguous path is 6.0 m. Zeros before the echoes of a measurement over time are such a delay, too."""
+    sweep = mf.calibrate.remove_cable(points_ahead(PLACE, PLACE), -cable)
+    assert [one.name for one in diagnose(sweep)[0]] == ["range-offset"]
+    assert cables(sweep) == [pytest.approx(cable, abs=0.1)]
+
+
 def test_the_length_of_a_cable_is_told_within_its_error():
     """The error is half the width that holds 80 % of the draws: 0.78 of it is one standard deviation."""
     misses = []

@@ -8,6 +8,7 @@ import xarray as xr
 from mirrorfold.calibration.record import scaled_to_single_precision
 from mirrorfold.diagnosis.exchanged_axes import axis_findings
 from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.diagnosis.imbalance import imbalance_findings
 from mirrorfold.diagnosis.physics import unit_findings, wave_findings
 from mirrorfold.diagnosis.quality import sample_findings
 from mirrorfold.diagnosis.scans import scan_findings
@@ -33,6 +34,7 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     sweep = sweep.assign(s=sweep["s"].copy(data=scaled_to_single_precision(sweep["s"].values)))
     found = sample_findings(sweep)
     sweep = _first_part(sweep)
+    found += imbalance_findings(sweep)
     if is_raster(sweep):
         other, judged = scan_findings(sweep)
         other = unit_findings(sweep) or other

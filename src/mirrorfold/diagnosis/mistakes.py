@@ -46,9 +46,14 @@ LEAST_GAIN = 0.01
 """By how much an offset must improve the mean fit to be reported. Profiles that are interpolated to a few percent, and
 echoes by mixed paths, improve the fit of correct sweeps by up to 0.007."""
 
-LEAST_SHARE = 0.5
-"""Share of the improvement that an offset predicts, were it the cause, that must be there. Closer to the prediction of
-no offset, another fault makes the waves fit a little better: a displaced aperture, a wrong pitch or frequency step."""
+LEAST_SHARES = (0.5, 0.9)
+"""Shares of the improvement that an offset predicts, were it the cause, that must be there: of offsets up to `USUAL`,
+and of longer ones. Closer to the prediction of no offset, another fault makes the waves fit better: a displaced
+aperture, a wrong pitch or frequency step. Such faults reached 0.8 of what some long offset predicts, and true long
+offsets 0.93, but for arrays of 2 cm."""
+
+USUAL = 0.6
+"""Longest usual offset, as a share of the ambiguous range."""
 
 OFFSET_STEPS = 300
 """Steps of the search for a range offset, counted over the whole ambiguous range."""
@@ -68,9 +73,10 @@ UNEXPLAINED = 0.02
 """Share of a gate's power that is taken to fit no wave, in addition to what is measured: it bounds the logarithm, so
 that a single gate cannot outvote all others."""
 
-OFFSET_REACH = (-0.15, 0.6)
-"""Lowest and highest range offset that are tried, as shares of the ambiguous range. Cables make echoes late, and a
-calibration that removes too much makes them early."""
+LOWEST_OFFSET = -0.15
+"""Lowest range offset that is tried, as a share of the ambiguous range: cables make echoes late, and a calibration that
+removes too much makes them early. All higher ones are tried up to an ambiguous range more, where echoes stand at the
+same places again. Were some left out, a sweep with one of these would be explained by other mistakes."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +117,8 @@ def explain(pairs: Pairs, waves: Wavefronts) -> Explanation:
 
     Each mistake costs a penalty. The range offset is then measured by pairs with the same midpoint; see `midpoints`.
     """
-    tried = np.arange(OFFSET_REACH[0], OFFSET_REACH[1], 1.0 / OFFSET_STEPS) * waves.ambiguous_range
-    offsets = np.concatenate([[0.0], tried])
+    tried = LOWEST_OFFSET + np.arange(OFFSET_STEPS) / OFFSET_STEPS
+    offsets = np.concatenate([[0.0], tried * waves.ambiguous_range])
     cases = list(_cases(waves.coherence.shape[0] == 2))
     fits = np.stack(
         [_fit(waves, waves.coherence[int(case[2]), int(case[1])], waves.curvature, case, offsets) for case in cases]
@@ -163,10 +169,10 @@ def _offset(
     smallest = min(SMALLEST_OFFSET[0], SMALLEST_OFFSET[1] * waves.ambiguous_range)
     same_side = float(np.mean(drawn * np.sign(offset) > smallest)) if offset else 0.0
     side = 0 if offset > 0 else 1
+    least_share = LEAST_SHARES[int(offset > USUAL * waves.ambiguous_range)]
     certain = (
         abs(offset) > LEAST_OFFSETS[side] * smallest
-        and 1 < best < offsets.size - 1  # at an end of those tried, a better one may lie beyond
-        and mean[best] > max(LEAST_GAIN, LEAST_SHARE * predicted[:, best].mean())
+        and mean[best] > max(LEAST_GAIN, least_share * predicted[:, best].mean())
         and same_side >= OFFSET_SURE[side]
     )
     return offset if certain else 0.0, float(max(0.5 * (high - low), error)), same_side
