@@ -55,9 +55,19 @@ def test_a_narrow_band_is_not_taken_for_echoes_over_time(width):
 def test_phases_in_radians_taken_for_degrees_are_named(seed):
     right = s(seed)
     assert named(np.abs(right) * np.exp(1j * np.radians(np.angle(right)))) == ["phase-unit"]
+    strong = right + 0.1 * np.abs(right).max()  # one echo makes some phases more frequent than others
+    assert named(np.abs(strong) * np.exp(1j * np.radians(np.angle(strong)))) == ["phase-unit"]
     assert "phase-unit" not in named(np.exp(0.02j * np.random.default_rng(seed).standard_normal(right.shape)))
 
 
 def test_commands_can_be_pasted_whatever_the_path():
     command = Finding("conjugated", "The samples are conjugated.", 0.9, "--conjugate").command("my scan/sweep 1.nc")
     assert shlex.split(command)[2:5] == ["my scan/sweep 1.nc", "-o", "my scan/sweep 1-repaired.nc"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_parameter_that_was_not_measured_is_named(seed):
+    right = s(seed)
+    assert named(np.zeros_like(right) + 1e-9) == ["constant"]
+    assert named(np.zeros_like(right) + right[:1]) == ["constant"]
+    assert "constant" not in named(np.where(np.arange(len(right))[:, None, None] > 3, right, right[:1]))

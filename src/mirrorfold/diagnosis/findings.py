@@ -17,7 +17,7 @@ class Finding:
     ----------
     name : str
         A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
-        "range-reversed", "nan", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
+        "range-reversed", "nan", "constant", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
         "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "phase-unit",
         "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases".
     what : str

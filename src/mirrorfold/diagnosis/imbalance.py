@@ -17,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.fft import ifft
 
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.windows import hann
 from mirrorfold.diagnosis.findings import Finding
 
@@ -39,6 +40,9 @@ Hann window would hold an echo and its image."""
 
 ENOUGH_CHANNELS, FEWEST_CHANNELS = 1000, 8
 """Largest number of channels that is looked at, and smallest that tells."""
+
+FLOOR_DB = -100.0
+"""Level against the strongest range bin under which a bin holds rounding errors of single precision [dB]."""
 
 SURE = 0.95
 """Certainty of a finding."""
@@ -70,9 +74,10 @@ def _balance(s: NDArray[np.complex128]) -> complex | None:
     near = np.arange(APART, count // 2 - APART)
     power = np.sum(np.abs(profile) ** 2, axis=1)
     at = np.where(power[near] >= power[-near], near, -near)  # of an echo and its image, the stronger is the echo
+    least = float(power.max()) * power_ratio_of(FLOOR_DB)
     chosen: list[int] = []
     for n in at[np.argsort(power[at])[::-1]]:
-        if len(chosen) < BINS[-1] and all(abs(abs(n) - abs(other)) >= APART for other in chosen) and power[n] > 0.0:
+        if len(chosen) < BINS[-1] and all(abs(abs(n) - abs(other)) >= APART for other in chosen) and power[n] > least:
             chosen.append(int(n))
     each = np.sum(profile[chosen] * profile[-np.array(chosen, int)], axis=1) / power[chosen]
     for size in BINS:

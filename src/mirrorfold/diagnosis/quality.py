@@ -26,8 +26,9 @@ SURE_OF_UNIT = 0.95
 FEWEST_PHASES, ENOUGH_PHASES = 1000, 100_000
 """Smallest number of samples whose phases tell their unit; largest number that is looked at."""
 
-FILLED = 0.98
-"""Share of an interval, up to which phases reach, and of its deviation, from which on they fill it."""
+FILLED, EVEN = 0.98, 0.8
+"""Share of an interval up to which phases reach, and least share of the deviation that even ones have: those of a few
+strong echoes are uneven."""
 
 FEWEST_TIMES, FEWEST_CHANNELS, ENOUGH_CHANNELS = 32, 64, 400
 """Smallest numbers of frequencies and channels that tell time from frequency; largest number that is looked at."""
@@ -53,8 +54,20 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
     sweep : xarray.Dataset
         With a complex variable s; need not be valid otherwise.
     """
-    kind = _phase_findings(sweep) or _phase_unit_findings(sweep) or _domain_findings(sweep)
+    kind = _constant_findings(sweep) or _phase_findings(sweep) or _phase_unit_findings(sweep) or _domain_findings(sweep)
     return [*_unit_findings(sweep), *(kind or _bad_findings(find_bad(sweep), sweep)), *_step_findings(sweep)]
+
+
+def _constant_findings(sweep: xr.Dataset) -> list[Finding]:
+    """The finding that no sample differs from those at other frequencies, as where a parameter was not measured."""
+    s = sweep["s"]
+    if "frequency" not in s.dims or s.sizes["frequency"] < FEWEST_TIMES or not s.values.any():
+        return []
+    if (s.values != s.isel(frequency=[0]).values).any():
+        return []
+    what = "The samples of each channel are the same at all frequencies: they hold no echo."
+    remedy = "import the parameter (--parameter) or the variable that was measured"
+    return [Finding("constant", what, CERTAIN, remedy, by_command=False)]
 
 
 def _phase_findings(sweep: xr.Dataset) -> list[Finding]:
@@ -77,7 +90,7 @@ def _phase_unit_findings(sweep: xr.Dataset) -> list[Finding]:
     phase = np.angle(s[s != 0.0], deg=True)
     if not phase.size or not FILLED * np.pi <= np.abs(phase).max() <= np.pi * (1.0 + 1e-3):
         return []
-    if abs(float(np.std(phase)) * np.sqrt(3.0) / np.pi - 1.0) > 1.0 - FILLED:
+    if abs(float(np.std(phase)) * np.sqrt(3.0) / np.pi - 1.0) > 1.0 - EVEN:
         return []
     what = "The phases of all samples lie within 3.14 degrees of zero, and fill these: they are radians, not degrees."
     return [Finding("phase-unit", what, CERTAIN, "import them with phase_unit = 'radian'", by_command=False)]
