@@ -193,12 +193,12 @@ def speed() -> Table:
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     found = find_tree(view, echoes, settings)
     x, y, z = np.linspace(-1.7, 0.7, 250), np.linspace(1.5, 3.9, 250), np.linspace(-1.0, 1.0, 160)
-    folds, margin = found.tree.folds(), settings.wall_margin or 0.0
+    margin = settings.wall_margin or 0.0
     blobs = owned_blobs(fold_back(found.tree), found.sight)
     add(
         "fold 10 million voxels",
         0.3,
-        timed(lambda: draw(found.sight, folds, margin, (x, y, z), blobs)),
+        timed(lambda: draw(found.sight, margin, (x, y, z), blobs)),
     )
     cube = {"x": np.linspace(-1.2, 1.2, 256), "y": np.linspace(1.0, 4.0, 256), "z": np.linspace(-1.0, 1.0, 256)}
     add("spherical -> Cartesian, 17 million voxels", 0.6, timed(lambda: to_voxels(volume, **cube)))

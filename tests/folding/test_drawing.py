@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,8 +78,11 @@ def test_places_are_those_of_the_view(view):
     assert inside_ones > 20
 
 
-def random_sight(view, random, axis):
-    """Two mirrors, the second seen in the first, objects that hide, ranges that are open, and owners; all random."""
+def random_sight(view, random, axis, *reflections):
+    """Two mirrors, the second seen in the first, objects that hide, ranges that are open, and owners; all random.
+
+    The mirrors have these reflections, whatever the ranges at which lines of sight meet them.
+    """
     count = len(view.sight)
     # Bands of three along one axis: neighbours along the other are alike, or every place would stand at an edge.
     bands = [1] * len(view.shape)
@@ -89,19 +93,20 @@ def random_sight(view, random, axis):
     crossing[1] = np.where(np.isfinite(crossing[0]), crossing[1], np.inf)
     crossing = crossing[:, pick]
     cover = Cover(np.full((1, count), 1.8), np.full((1, count), np.inf), random.uniform(0.0, 3.0, (1, count)))
-    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover, chain=((0,), (0, 0)),
+    mirrors = [SimpleNamespace(curved=False, reflection=one) for one in reflections]
+    sight = LinesOfSight(view, mirrors, crossing, np.array([ROOT, 0]), cover,
                          empty_up_to=random.uniform(0.0, 1.5, count))  # fmt: skip
     blobs = random.choice([UNSEEN, ROOT, 0, 1], (count, view.range.size), p=[0.1, 0.1, 0.4, 0.4]).astype(np.int16)
     return sight, blobs
 
 
-def slow_twin(view, sight, folds, margin, blobs, points):
+def slow_twin(view, sight, margin, blobs, points):
     """Amplitudes (n,) of points (n, d), by array arithmetic; and which of them stand on no border."""
     amplitude = view.amplitude.T if view.dimensions == 2 else view.amplitude.astype(float)
     gain = np.ones(view.range.size) if view.dimensions == 2 else view.gain
     found, clear = np.zeros(len(points)), np.ones(len(points), dtype=bool)
-    for number, chain in ((ROOT, ()), *enumerate(sight.chain)):
-        back = folds[chain].inverse(points) if chain else points
+    for number in (ROOT, 0, 1):
+        back = sight.fold(number).inverse(points)
         range_, place = view.indices(back)
         _, beam, _ = view.locate(back)
         index = np.column_stack([np.nan_to_num(place, nan=-9.0), (range_ - view.range[0]) / view.dr])
@@ -127,24 +132,23 @@ def slow_twin(view, sight, folds, margin, blobs, points):
 @VIEWS
 def test_a_picture_is_what_the_ways_show_at_every_pixel(view, margin, axis):
     random = np.random.default_rng(3)
-    sight, blobs = random_sight(view, random, axis)
     first, second = reflection(view.dimensions, 5.0, 0.9), reflection(view.dimensions, -20.0, 1.4)
-    folds = {(0,): first, (0, 0): first @ second}
+    sight, blobs = random_sight(view, random, axis, first, second)
     x, y, z = np.linspace(-1.0, 1.2, 17), np.linspace(-1.0, 2.2, 21), np.linspace(-0.3, 0.35, 4)
     grid = (x, y) if view.dimensions == 2 else (x, y, z)
-    drawn = draw(sight, folds, margin, grid, blobs)
+    drawn = draw(sight, margin, grid, blobs)
     points = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
-    expected, clear = slow_twin(view, sight, folds, margin, blobs, points.reshape(-1, view.dimensions))
+    expected, clear = slow_twin(view, sight, margin, blobs, points.reshape(-1, view.dimensions))
     expected, clear = (part.reshape(points.shape[:-1]).T for part in (expected, clear))
     assert np.count_nonzero(expected) > 0.1 * expected.size
     assert clear.mean() > 0.5
     assert_allclose(drawn[clear], expected[clear], rtol=1e-4)
-    strongest = draw(sight, folds, margin, grid, blobs, strongest=True)
+    strongest = draw(sight, margin, grid, blobs, strongest=True)
     assert_array_equal(strongest, drawn if view.dimensions == 2 else drawn.max(axis=0))
     # Where nothing is known to be empty, what stands beside a mirror's edge contradicts nothing.
     unknown = replace(sight, empty_up_to=np.zeros(0))
     nowhere = replace(sight, empty_up_to=np.zeros(len(view.sight)))
-    assert_array_equal(draw(unknown, folds, margin, grid, blobs), draw(nowhere, folds, margin, grid, blobs))
+    assert_array_equal(draw(unknown, margin, grid, blobs), draw(nowhere, margin, grid, blobs))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -156,10 +160,11 @@ def test_blocks_that_are_passed_over_show_nothing(view, seed, monkeypatch):
     blobs = np.where(random.random(blobs.shape) < 0.02, blobs, UNSEEN).astype(np.int16)
     dark = np.where(random.random(view.amplitude.shape) < 0.1, view.amplitude, 1e-3 * view.amplitude)
     sight = replace(sight, view=replace(view, amplitude=dark.astype(view.amplitude.dtype)))
-    first, second = (reflection(view.dimensions, *random.uniform((-40.0, 0.6), (40.0, 1.4))) for _ in range(2))
-    folds = {(0,): first, (0, 0): first @ second}
+    mirrors = [SimpleNamespace(curved=False, reflection=reflection(view.dimensions, *one))
+               for one in random.uniform((-40.0, 0.6), (40.0, 1.4), (2, 2))]  # fmt: skip
+    sight = replace(sight, mirrors=mirrors)
     grid = np.linspace(-1.0, 1.2, 61), np.linspace(-1.0, 2.2, 53), np.linspace(-0.6, 0.7, 27)
-    given = folds, 0.1, grid[: view.dimensions], blobs
+    given = 0.1, grid[: view.dimensions], blobs
     drawn, strongest = draw(sight, *given), draw(sight, *given, strongest=True)
     passed_over = []
 
@@ -190,14 +195,12 @@ def test_what_a_curved_mirror_shows_is_drawn_where_its_lines_of_sight_lead(way):
     level = np.where(view.range[:, None] > 1.05, 1.0 + 0.3 * view.range[:, None] + 2.0 * view.u, 0.0)
     view = replace(view, amplitude=level)
     crossing = np.stack([mirror.crossing(view) for mirror in way])
-    chains = tuple((0,) * (index + 1) for index in range(len(way)))
-    sight = LinesOfSight(view, crossing, np.arange(len(way)) - 1, Cover.nothing(view.u.size), chain=chains)
-    folds = {chain: fold_of(way[: len(chain)], 2) for chain in chains}
+    sight = LinesOfSight(view, way, crossing, np.arange(len(way)) - 1, Cover.nothing(view.u.size))
     blobs = np.full((view.u.size, view.range.size), last, dtype=np.int16)
     seen = view.to_points(np.array([1.4, 1.7, 2.3, 1.9]), np.array([-0.07, 0.0203, 0.1, -0.031]))
-    for place, true in zip(seen, folds[chains[-1]](seen), strict=True):
+    for place, true in zip(seen, fold_of(way, 2)(seen), strict=True):
         range_, u = view.to_polar(place)
-        drawn = draw(sight, folds, 0.0, (np.array([true[0]]), np.array([true[1]])), blobs)
+        drawn = draw(sight, 0.0, (np.array([true[0]]), np.array([true[1]])), blobs)
         assert drawn.shape == (1, 1)
         if way[-1].convex:
             assert drawn[0, 0] == pytest.approx(1.0 + 0.3 * range_ + 2.0 * u, rel=2e-3)
@@ -205,9 +208,9 @@ def test_what_a_curved_mirror_shows_is_drawn_where_its_lines_of_sight_lead(way):
             assert drawn[0, 0] > (1.0 + 0.3 * range_ + 2.0 * u) * (1.0 - 2e-3)
         # What is doubted is not drawn; of what lies inside the wall only that which the radar sees there itself.
         pixel = true[:1], true[1:]
-        assert draw(sight, folds, 0.0, pixel, np.full_like(blobs, UNSEEN))[0, 0] == 0.0
-        direct = draw(LinesOfSight.unfolded(view), {}, 0.0, pixel, blobs)
-        assert_array_equal(draw(sight, folds, 3.0, pixel, blobs), direct)
+        assert draw(sight, 0.0, pixel, np.full_like(blobs, UNSEEN))[0, 0] == 0.0
+        direct = draw(LinesOfSight.unfolded(view), 0.0, pixel, blobs)
+        assert_array_equal(draw(sight, 3.0, pixel, blobs), direct)
 
 
 @pytest.mark.nojit
@@ -217,12 +220,12 @@ def test_a_point_behind_a_caustic_is_drawn_where_it_stands():
     spot = np.exp(-(((view.range[:, None] - 2.5) / 0.05) ** 2) - ((view.u - 0.05) / 0.01) ** 2)
     view = replace(view, amplitude=spot)
     crossing = BAY.crossing(view)[None]
-    sight = LinesOfSight(view, crossing, np.array([ROOT]), Cover.nothing(view.u.size), chain=((0,),))
+    sight = LinesOfSight(view, [BAY], crossing, np.array([ROOT]), Cover.nothing(view.u.size))
     fold = fold_of([BAY], 2)
     blobs = np.zeros((view.u.size, view.range.size), dtype=np.int16)
     true = fold(view.to_points(np.array([2.5]), np.array([0.05])))[0]
     x, y = true[0] + 0.01 * np.arange(-5, 6), true[1] + 0.01 * np.arange(-5, 6)
-    drawn = draw(sight, {(0,): fold}, 0.0, (x, y), blobs)
+    drawn = draw(sight, 0.0, (x, y), blobs)
     row, column = np.unravel_index(np.argmax(drawn), drawn.shape)
     assert abs(row - 5) <= 1
     assert abs(column - 5) <= 1

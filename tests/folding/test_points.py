@@ -117,7 +117,7 @@ def test_tables_of_a_result_tell_of_curved_mirrors_where_there_are_any(view):
             middle = np.column_stack([mirrors["xm"], mirrors["ym"]])
             assert_allclose(middle, [pillar.center, FAR.center], atol=1e-12)
             true = np.column_stack([mirrors["folded_xm"], mirrors["folded_ym"]])
-            assert_allclose(true, [pillar.center, tree.folds()[0,](FAR.center)], atol=1e-12)
+            assert_allclose(true, [pillar.center, tree.mirrors[0].fold(FAR.center)], atol=1e-12)
             assert mirrors["curvature"].attrs["units"] == "1/m"
 
 
@@ -125,8 +125,8 @@ def owned(view, direct=(), behind=(), both=(), confidence=1.0, **given):
     tree = tree_of(view, direct, behind, both)
     points = fold_back(tree)
     points = replace(points, confidence=confidence * np.ones(len(points.initial)))
-    sight = LinesOfSight(view, np.full((2, view.u.size), np.inf), np.array([ROOT, 0]), Cover.nothing(view.u.size),
-                         chain=((0,), (0, 0)))  # fmt: skip
+    crossing = np.full((2, view.u.size), np.inf)
+    sight = LinesOfSight(view, (NEAR, FAR), crossing, np.array([ROOT, 0]), Cover.nothing(view.u.size))
     return owned_blobs(points, sight, **given)
 
 

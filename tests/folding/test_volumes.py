@@ -216,11 +216,11 @@ def test_the_kernel_draws_a_volume_as_its_slow_twin_does(world_volume):
     found = find_tree(view, echoes, FoldSettings().completed(**usual_settings(view, echoes)))
     x, y, z = np.linspace(-1.4, 0.6, 23), np.linspace(1.2, 2.6, 19), np.array([-0.1, 0.0, 0.1])
     blobs = owned_blobs(fold_back(found.tree), found.sight)
-    drawn = draw(found.sight, found.tree.folds(), 0.04, (x, y, z), blobs)
+    drawn = draw(found.sight, 0.04, (x, y, z), blobs)
     grid = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
     expected = np.zeros(len(grid))
-    for number, chain in [(ROOT, ()), *((i, c) for i, c in enumerate(found.sight.chain) if c)]:
-        back = found.tree.folds()[chain].inverse(grid)
+    for number in (ROOT, *found.sight.ways):
+        back = found.sight.fold(number).inverse(grid)
         range_, beam, inside = view.locate(back)
         azimuth, elevation = beam_angles(back - view.radar)
         place = [

@@ -9,6 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from synthetic import echoes_at, empty_view
 
+from mirrorfold.common.types import UNSEEN
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree.assignment import assign_echoes, radar_itself
@@ -95,14 +96,16 @@ def test_the_radars_own_antennas_are_no_object(view):
         settings = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
         tree, sight = assign_echoes(order_mirrors(order, view, echoes, settings), echoes, opaque=opaque)
         assert held(tree)[(1,)] == kept
-    assert_array_equal(radar_itself(tree, sight, echoes), [True, False])
+    assert_array_equal(radar_itself(sight, echoes), [True, False])
     for mark in ("visible", "strong"):
         none = replace(echoes, **{mark: np.zeros(2, dtype=bool)})
-        assert_array_equal(radar_itself(tree, sight, none), [False, False])
+        assert_array_equal(radar_itself(sight, none), [False, False])
 
 
 def test_what_the_radar_sees_directly_is_not_itself(view):
     """Nor what a mirror without a node in the tree shows."""
-    tree, sight, echoes = assigned(view, [[0.0, 1.98], [0.0, 0.4]], opaque=False)
-    assert_array_equal(radar_itself(tree, sight, echoes), [True, False])
-    assert not radar_itself(tree, replace(sight, chain=((), (), ())), echoes).any()
+    _, sight, echoes = assigned(view, [[0.0, 1.98], [0.0, 0.4]], opaque=False)
+    assert_array_equal(radar_itself(sight, echoes), [True, False])
+    nowhere, behind_two = replace(sight, parent=np.full(3, UNSEEN)), echoes_at(view, [0.0, 3.98])
+    assert not radar_itself(nowhere, echoes).any()
+    assert not radar_itself(nowhere, behind_two).any()

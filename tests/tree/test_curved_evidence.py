@@ -210,7 +210,7 @@ def test_mirrors_seen_by_way_of_a_curved_one_are_left_out(view):
     wall = LineMirror(np.array([-1.0, 2.0]), np.array([1.0, 2.0]))
     echoes = echoes_at(view, SHOWN)
     order = order_mirrors([wall, PILLAR, FLAT], view, echoes, SETTINGS)
-    assert_array_equal(order.sight.parent, [ROOT, 3, ROOT, ROOT, ROOT])
+    assert_array_equal(order.parent, [ROOT, 3, ROOT, ROOT, ROOT])
     assert without_bent(order, list) == [order.mirrors[index] for index in (0, 2, 3, 4)]
     # A curved mirror seen in a flat one is none of these.
     before = LineMirror(np.array([-0.4, 0.8]), np.array([0.4, 0.8]))

@@ -39,7 +39,7 @@ def view():
 
 def sight_of(view, *mirrors, parent=(ROOT,), **known):
     crossing = np.array([mirror.crossing(view) for mirror in mirrors])
-    return LinesOfSight(view, crossing, np.array(parent), Cover.nothing(view.u.size), **known)
+    return LinesOfSight(view, mirrors, crossing, np.array(parent), Cover.nothing(view.u.size), **known)
 
 
 def test_an_object_hides_what_is_behind_it_unless_that_is_much_stronger(view):
@@ -131,7 +131,7 @@ def test_loops_and_arrays_agree_at_every_edge(view):
     begin = np.array([[1.0, 1.5, np.inf], [2.0, np.inf, np.inf]])
     until = np.array([[np.inf, np.inf, np.inf], [3.0, np.inf, np.inf]])
     cover = Cover(begin, until, np.array([[4.0, 8.0, 0.0], [9.0, 0.0, 0.0]]))
-    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), cover)
+    sight = LinesOfSight(view, (WALL, WALL), crossing, np.array([ROOT, 0]), cover)
     assert UNSEEN < ROOT < 0  # no mirror has their numbers
     expected = {(1.0, 0): ROOT, (1.5, 0): 0, (2.0, 0): 0, (2.5, 0): 1, (2.5, 1): 0, (2.0, 2): ROOT, (2.5, 2): UNSEEN}
     for (range_, direction), owner in expected.items():

@@ -14,7 +14,7 @@ from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.volume_view import VolumeView
 from mirrorfold.folding.settings import FoldSettings
-from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover
 from mirrorfold.tree.ordering import Order, order_mirrors
 
 SETTINGS = FoldSettings(minimum_length=0.3, wall_margin=0.0)
@@ -48,10 +48,10 @@ def ends(order):
 def test_a_mirror_behind_another_is_seen_through_it(view):
     order, _ = ordered(view, [FAR, NEAR], opaque=False)
     assert order.mirrors == [FAR, NEAR]
-    assert_array_equal(order.sight.parent, [1, ROOT])
-    assert order.mirrors_to(0) == (NEAR, FAR)
-    assert order.mirrors_to(1) == (NEAR,)
-    assert order.mirrors_to(ROOT) == order.mirrors_to(UNSEEN) == ()
+    assert_array_equal(order.parent, [1, ROOT])
+    assert order.way(0) == (NEAR, FAR)
+    assert order.way(1) == (NEAR,)
+    assert order.way(ROOT) == order.way(UNSEEN) == ()
 
 
 def test_a_face_is_shown_by_what_shows_its_mirror(view):
@@ -66,7 +66,7 @@ def test_a_mirror_is_cut_where_the_view_by_way_of_another_ends(view):
     last = line([1.5, 1.0], [1.6, 1.5])
     order, _ = ordered(view, [WIDE, NEAR, last], opaque=False)
     assert_allclose(ends(order), [[-1.2, -0.6], [-0.6, 0.6], [0.6, 1.2], [-0.3, 0.3], [1.5, 1.6]], atol=0.02)
-    assert_array_equal(order.sight.parent, [ROOT, 3, ROOT, ROOT, ROOT])
+    assert_array_equal(order.parent, [ROOT, 3, ROOT, ROOT, ROOT])
 
 
 @pytest.mark.parametrize(("past", "moved", "parent"), [(1.0, 0.0, 0), (1.0, 0.06, ROOT), (3.0, 0.0, ROOT)])
@@ -77,7 +77,7 @@ def test_the_image_of_a_wall_past_the_end_of_a_mirror_is_seen_in_the_mirror(view
     row = np.array([1.5, 1.8])[:, None] * np.column_stack([u, np.sqrt(1.0 - u**2)])
     wall = line(*(shows.reflection(row) + moved * np.array([-1.0, -1.0])))
     order, _ = ordered(view, [shows, wall, line(*row)], opaque=False)
-    assert_array_equal(order.sight.parent, [ROOT, ROOT, parent])
+    assert_array_equal(order.parent, [ROOT, ROOT, parent])
 
 
 def test_what_is_too_small_for_a_mirror_is_the_edge_of_a_wall(view):
@@ -85,7 +85,7 @@ def test_what_is_too_small_for_a_mirror_is_the_edge_of_a_wall(view):
     places = [[0.0, 2.0], [0.9, 2.0], [0.9, 1.5]]
     order, _ = ordered(view, [WIDE, NEAR], places, opaque=False, minimum_length=0.7)
     assert_allclose(ends(order), [[-0.6, 0.6], [-0.3, 0.3]], atol=0.02)
-    assert_array_equal(order.sight.parent, [1, ROOT])
+    assert_array_equal(order.parent, [1, ROOT])
     assert_array_equal(order.face, [0, UNSEEN, ROOT])
 
 
@@ -99,7 +99,7 @@ def test_the_legs_of_a_known_corner_are_mirrors_that_show_each_other(view, leg, 
     cross = [line(vertex - leg * axis, vertex + leg * axis) for axis in axes]
     told = view.knowing(corners=vertex[None] + 0.005) if known else view
     order, _ = ordered(told, cross, [vertex + 3.0 * axis for axis in axes], opaque=False)
-    assert_array_equal(order.sight.parent, parents)
+    assert_array_equal(order.parent, parents)
     assert_allclose(sum(mirror.length for mirror in order.mirrors), 4.0 * leg, atol=0.04)  # a line of sight at each end
 
 
@@ -118,7 +118,7 @@ def test_a_mirror_behind_objects_is_none_and_its_echoes_are_objects(view):
     order, _ = ordered(view, [NEAR], places)
     assert order.mirrors == []
     assert order.face[-1] == ROOT
-    assert not order.sight.cover.clear(np.array([1.0]), order.sight.view.column(np.array([0.1])), 1.0)[0]
+    assert not order.cover.clear(np.array([1.0]), order.view.column(np.array([0.1])), 1.0)[0]
     for given in ({"opaque": False}, {"amplitude": 0.05}):  # objects that hide nothing, and echoes that are too faint
         order, _ = ordered(view, [NEAR], places, **given)
         assert order.mirrors == [NEAR]
@@ -137,18 +137,18 @@ def test_echoes_of_walls_hide_nothing(view):
     places = on_line(*NEAR.ends)
     order, _ = ordered(view, [NEAR, FAR], places)
     assert len(order.mirrors) == 2
-    assert order.sight.cover.range.size == 0
+    assert order.cover.range.size == 0
 
 
 @pytest.mark.parametrize("mark", ["visible", "strong"])
 def test_what_is_faint_or_hidden_itself_hides_nothing(view, mark):
     echoes = replace(echoes_at(view, SCREEN), **{mark: np.zeros(len(SCREEN), dtype=bool)})
-    assert order_mirrors([NEAR], view, echoes, SETTINGS).sight.cover.range.size == 0
+    assert order_mirrors([NEAR], view, echoes, SETTINGS).cover.range.size == 0
 
 
 def test_a_mirror_may_be_met_by_one_line_of_sight(view):
     order, _ = ordered(view, [line([-0.001, 1.0], [0.001, 1.0])], opaque=False)
-    assert np.count_nonzero(np.isfinite(order.sight.crossing)) == 1
+    assert np.count_nonzero(np.isfinite(order.crossing)) == 1
 
 
 def test_a_mirror_that_was_cut_off_numbers_the_others_anew(view):
@@ -156,9 +156,9 @@ def test_a_mirror_that_was_cut_off_numbers_the_others_anew(view):
     beside = line([0.8, 1.0], [1.0, 1.6])
     order, _ = ordered(view, [NEAR, beside], [*SCREEN, [0.9, 1.3]])
     assert order.mirrors == [beside]
-    assert_array_equal(order.sight.parent, [ROOT])
+    assert_array_equal(order.parent, [ROOT])
     assert order.face[-1] == 0
-    assert order.sight.crossing.shape == (1, view.u.size)
+    assert order.crossing.shape == (1, view.u.size)
 
 
 @pytest.mark.parametrize(("generations", "kept"), [(0, 0), (1, 1), (2.0, 2), (1000, 3), (None, 3)])
@@ -180,7 +180,7 @@ def test_where_mirrors_are_given_objects_hide_only_what_is_behind_the_same_mirro
     order, _ = ordered(view, [NEAR], [*before, *after, *wall_], walls=walls)
     assert order.mirrors == [NEAR]
     for u, clear in ((0.0, True), (0.05 / np.hypot(0.05, 1.3), False), (0.15 / np.hypot(0.15, 1.3), True)):
-        assert order.sight.cover.clear(later, view.column(np.array([u])), 1.0)[0] == clear
+        assert order.cover.clear(later, view.column(np.array([u])), 1.0)[0] == clear
 
 
 def test_beside_given_mirrors_nothing_is_hidden(view):
@@ -190,7 +190,7 @@ def test_beside_given_mirrors_nothing_is_hidden(view):
     aside = np.append(edge, view.column(np.sqrt(0.5)))
     for walls, clear in ((np.zeros(2, dtype=bool), [False, True, True]), (None, [False, False, False])):
         order, _ = ordered(view, [NEAR], places, walls=walls)
-        assert_array_equal(order.sight.cover.clear(np.full(3, 2.0), aside, 1.0), clear)
+        assert_array_equal(order.cover.clear(np.full(3, 2.0), aside, 1.0), clear)
 
 
 def test_the_threshold_follows_what_a_lossy_mirror_dims(view):
@@ -236,8 +236,7 @@ def test_beams_of_a_volume_differ_along_either_angle(step):
     at = 5 + np.outer([-1, 0, 1], step)
     places = 1.5 * view.sight[np.ravel_multi_index(at.T, (11, 11))]
     echoes = echoes_at(view, places, np.array([0.4, 0.2, 0.2]))
-    sight = LinesOfSight(view, np.full((1, 121), 1.0), np.array([ROOT]), Cover.nothing(121))
-    order = Order([NEAR], sight, np.full(3, ROOT))  # of a flat mirror it is asked no more than that
+    order = Order(view, [NEAR], np.full((1, 121), 1.0), np.array([ROOT]), Cover.nothing(121), face=np.full(3, ROOT))
     assert_allclose(order.seen(echoes).limit, 0.02)
 
 
@@ -277,7 +276,7 @@ def test_both_legs_of_a_known_corner_show_a_wall_turned_about_the_vertex(view, k
     row = line(*(2.0 * vertex - wall.ends + [moved, 0.0]))
     told = view.knowing(corners=vertex[None] + 0.003) if known else view
     order, _ = ordered(told, [wall, *legs, row], opaque=False, minimum_length=0.2)
-    assert_array_equal(order.sight.parent, [ROOT, ROOT, ROOT, 2])
+    assert_array_equal(order.parent, [ROOT, ROOT, ROOT, 2])
     assert_array_equal(order.images_in_corners(), [False, False, False, image])
 
 

@@ -37,21 +37,20 @@ def periscope_tree(periscope):
 
 def test_three_bounces_arrive_where_the_targets_are(periscope_tree):
     tree, _, view, _ = periscope_tree
-    folds = tree.folds()
-    assert list(folds) == [(), (0,), (0, 0), (0, 0, 0)]
+    assert [node.chain for node in tree.walk()] == [(), (0,), (0, 0), (0, 0, 0)]
     for node in tree.walk():
         assert node.generation == len(node.chain)
         assert (node.objects.range.size > 0) == (node.generation == 3)
         if node.mirror is not None:
             true = (A, B, C)[node.generation - 1]
-            found = folds[node.chain[:-1]](np.stack([node.mirror.start, node.mirror.end]))
+            found = node.face_fold(np.stack([node.mirror.start, node.mirror.end]))
             angle, offset = line_errors(found, true)
             assert angle < 0.06
             assert offset < 1.5
             assert np.linalg.norm(found.mean(axis=0) - true.mean(axis=0)) < 0.02
             assert node.mirror.length == pytest.approx(np.linalg.norm(true[1] - true[0]), abs=0.04)
     deepest = list(tree.walk())[-1]
-    places = folds[0, 0, 0](deepest.objects.position)
+    places = deepest.fold(deepest.objects.position)
     # An echo lies within the main lobe of its point.
     assert nearest(places, TARGETS).max() < 0.8 * view.cross_cell(view.to_points([3.65], [0.0]))
     for target in TARGETS:
@@ -193,11 +192,10 @@ def right_angle():
 def test_a_wall_that_its_own_image_continues_is_split_where_the_image_begins(right_angle):
     first, second, tree, _ = right_angle
     assert len(tree.mirrors) == 2
-    folds = tree.folds()
     found = {}
     for node in tree.walk():
         if node.mirror is not None:
-            ends = folds[node.chain[:-1]](np.stack([node.mirror.start, node.mirror.end]))
+            ends = node.face_fold(np.stack([node.mirror.start, node.mirror.end]))
             horizontal = abs(ends[1, 0] - ends[0, 0]) > abs(ends[1, 1] - ends[0, 1])
             found[node.generation, bool(horizontal)] = ends
             angle, offset = line_errors(ends, first if horizontal else second)
@@ -216,7 +214,6 @@ def test_an_image_without_mirrors_has_a_root_alone():
     assert tree.generation == 0
     assert sight.chain == ()
     assert tree.objects.range.size == np.count_nonzero(echoes.strong)
-    assert list(tree.folds()) == [()]
     assert repr(tree) == f"radar: {tree.objects.range.size} object echoes"
 
 
@@ -259,7 +256,7 @@ def test_mirror_worlds_open_only_through_their_parents():
     inf = np.inf
     crossing = np.array([[1.0, 1.0, inf, inf], [2.0, inf, 2.0, inf]])
     view = replace(empty_view(), u=np.linspace(-0.3, 0.3, 4))
-    sight = LinesOfSight(view, crossing, np.array([ROOT, 0]), Cover.nothing(4))
+    sight = LinesOfSight(view, (), crossing, np.array([ROOT, 0]), Cover.nothing(4))
     column = np.arange(4)
     assert_array_equal(sight.seen_through(np.full(4, 0.5), column), [ROOT, ROOT, ROOT, ROOT])
     assert_array_equal(sight.seen_through(np.full(4, 1.5), column), [0, 0, ROOT, ROOT])

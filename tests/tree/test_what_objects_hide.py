@@ -47,8 +47,7 @@ def test_transparent_objects_hide_nothing(clutter_behind_an_object):
     clear, *_ = tree_of(*clutter_behind_an_object, opaque=False)
     assert counts(clear, 1.8) == counts(opaque, 1.8)
     assert counts(clear, 2.15) > 4
-    folds = clear.folds()
-    places = folds[0,](clear.mirrors[0].objects.position)
+    places = clear.mirrors[0].fold(clear.mirrors[0].objects.position)
     assert nearest(seen_by([MIRROR], behind(2.15, 0.08, number=4)), places).max() < 0.01
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -13,8 +12,8 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.geometry import Isometry, reflect_each
 from mirrorfold.common.normalization import RANGE_POWERS
 from mirrorfold.common.threads import for_each
-from mirrorfold.common.types import ROOT, Array, Chain, Index, Mask
-from mirrorfold.detection import ArcMirror, Fold, ImageView, RoundMirror, View, VolumeView, fold_of
+from mirrorfold.common.types import ROOT, Array, Index, Mask
+from mirrorfold.detection import ArcMirror, ImageView, RoundMirror, View, VolumeView, fold_of
 from mirrorfold.detection.mirrors.mirror import ChainFold
 from mirrorfold.folding.blocks import blocks
 from mirrorfold.folding.drawing import draw_bent_row, draw_round_row, draw_row
@@ -49,15 +48,15 @@ def pictures(
     By default, the grid is that of the image, grown to hold all folded points; the unfolded picture then has the pixels
     of the image, complex if these are. For a volume, it is a grid around all points.
     """
-    sight, view, folds = found.sight, found.sight.view, found.tree.folds()
+    sight, view = found.sight, found.sight.view
     least, wall_margin = settings.min_confidence, settings.wall_margin or 0.0
     blobs = owned_blobs(points, sight, least)
     points = points.take(points.confidence >= least)
     given = grid is not None
     grid = grid or (_around(points, view) if isinstance(view, VolumeView) else _grown(image, points))
-    folded = draw(sight, folds, wall_margin, grid, blobs, strongest=True)
+    folded = draw(sight, wall_margin, grid, blobs, strongest=True)
     blobs.fill(ROOT)
-    initial = draw(LinesOfSight.unfolded(view), folds, wall_margin, grid, blobs, strongest=True)
+    initial = draw(LinesOfSight.unfolded(view), wall_margin, grid, blobs, strongest=True)
     if (points.wall != "").any():
         np.maximum(folded, _passed_pixels(points, view, grid) * initial, out=folded)
     if isinstance(view, ImageView):
@@ -102,7 +101,6 @@ def _passed_pixels(points: Points, view: View, grid: Grid) -> NDArray[np.float32
 
 def draw(
     sight: LinesOfSight,
-    folds: Mapping[Chain, Fold],
     wall_margin: float,
     grid: Grid,
     blobs: NDArray[np.int16],
@@ -120,9 +118,9 @@ def draw(
     view, samples = sight.view, _samples_of(sight.view)
     x, y, *z = map(np.array, grid)  # kernels are compiled once for arrays that may be written to
     height, columns = z[0] if z else np.zeros(1), strongest or not z
-    chains = {index: folds[chain] for index, chain in enumerate(sight.chain) if chain}
+    folds = {index: fold_of(way, view.dimensions) for index, way in sight.ways.items()}
     flat = {ROOT: Isometry.identity(view.dimensions)}
-    flat |= {index: fold for index, fold in chains.items() if isinstance(fold, Isometry)}
+    flat |= {index: fold for index, fold in folds.items() if isinstance(fold, Isometry)}
     back = {index: fold.inverse if index != ROOT else fold for index, fold in flat.items()}
     maps = np.stack([_into_view(one, samples.frame, view.radar) for one in back.values()])
     crossing, through = map(np.ascontiguousarray, sight.passages)
@@ -132,7 +130,7 @@ def draw(
     seen = maps[0], crossing, through, cover, empty, wall_margin, blobs, *looked_up
     passages = crossing, through, wall_margin
     near = blocks(view, flat, (x, y, height), blobs, samples.by_direction, samples.gain, passages)
-    curved = {index: fold for index, fold in chains.items() if isinstance(fold, ChainFold)}
+    curved = {index: fold for index, fold in folds.items() if isinstance(fold, ChainFold)}
     arcs = [(index, way) for index, fold in curved.items() if (way := _bent(fold, view))]
     round_ones = [
         (index, *box, met)

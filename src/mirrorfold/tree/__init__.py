@@ -1,6 +1,7 @@
 """Steps 3 and 4 of the algorithm: which mirror, and which echo, is seen through which mirrors.
 
-* The steps: `ordering` (3) and `assignment` (4). Their results: `lines_of_sight` and `mirror_tree`.
+* The steps: `ordering` (3) and `assignment` (4). Their results: `lines_of_sight`, in which mirrors have numbers, and
+  `mirror_tree`, in which each mirror is a node with its echoes.
 * The loop: `rounds` repeats steps 2 to 4 until they agree; `kinds` does so for mirrors of every kind.
 * Further mirrors, which are found once others are known: `completion`, `evidence` with `curved` and `short_rows`.
 * `lines_by_waves`: the mirrors of the tree on the lines that explain the complex image best.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mirrorfold.common.types import ROOT, UNSEEN, Chain, Mask, Names
+from mirrorfold.common.types import ROOT, UNSEEN, Mask, Names
 from mirrorfold.detection import Echoes
 from mirrorfold.tree.explaining.edges import before_ends, beyond_ends
 from mirrorfold.tree.lines_of_sight import LinesOfSight, images_of_radar
@@ -33,7 +33,7 @@ class Found(NamedTuple):
     tree : MirrorTree
         The root of the tree of mirrors.
     sight : LinesOfSight
-        Lines of sight, with the chain of each mirror.
+        Lines of sight, with the mirrors and which is seen through which.
     explained : Echoes
         Echoes that were left out, because no object stands where the image shows them.
     explanation : (n,) array of str
@@ -58,52 +58,45 @@ Pass = Callable[..., Found]
 
 
 def assign_echoes(order: Order, echoes: Echoes, *, opaque: bool = True) -> tuple[MirrorTree, LinesOfSight]:
-    """The root of the tree of mirrors with their echoes, and the lines of sight with the chain of each mirror.
+    """The root of the tree of mirrors with their echoes, and the lines of sight with what is known to be empty.
 
     Where objects are `opaque`, three kinds of echoes are left out: those that are `at_edges`, those at the edge of a
     mirror that would fold to where the radar itself sees nothing, and images of the radar's own antennas in a mirror.
     """
-    sight = order.sight
+    owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), order.through(echoes), UNSEEN)
     if opaque:
-        sight = replace(sight, empty_up_to=sight.open_ranges(echoes.take(echoes.visible)))
-    through = sight.through(echoes)
-    owner = np.where(echoes.visible & echoes.strong & (order.face == ROOT), through, UNSEEN)
-    if opaque:
-        order = replace(order, sight=sight)
+        order = replace(order, empty_up_to=order.open_ranges(echoes.take(echoes.visible)))
         owner = before_ends(order, echoes, beyond_ends(order, echoes, owner))
         owner[at_edges(order, echoes)] = UNSEEN
-    chains: list[Chain] = [() for _ in order.mirrors]
 
-    def node(index: int, chain: Chain) -> MirrorTree:
-        """The part of the tree from mirror `index` on, or from the root; sets the chain of each of its mirrors."""
-        children = np.flatnonzero(sight.parent == index)
-        objects = echoes.take(owner == index)
-        face = echoes.take(echoes.visible & (order.face == index) & (index != ROOT))
-        if index != ROOT:
-            chains[index] = chain
-            if opaque:
-                fold = order.fold(index)
-                objects = objects.take(~sight.contradicted(objects, fold) & ~images_of_radar(sight.view, objects, fold))
-            face = order.mirrors[index].snapped(sight.view, face)
-        below = tuple(node(int(child), (*chain, i)) for i, child in enumerate(children))
-        return MirrorTree(order.mirrors_to(index), face, objects, below, chain)
+    def node(index: int) -> MirrorTree:
+        """The part of the tree from mirror `index` on."""
+        objects, face = echoes.take(owner == index), echoes.take(echoes.visible & (order.face == index))
+        if opaque:
+            fold = order.fold(index)
+            objects = objects.take(~order.contradicted(objects, fold) & ~images_of_radar(order.view, objects, fold))
+        face = order.mirrors[index].snapped(order.view, face)
+        return MirrorTree(order.way(index), face, objects, below(index), order.chain[index])
 
-    root = node(ROOT, ())
-    return root, replace(sight, chain=tuple(chains))
+    def below(index: int) -> tuple[MirrorTree, ...]:
+        """The parts of the tree that are seen by way of mirror `index`, or directly (`ROOT`)."""
+        return tuple(map(node, np.flatnonzero(order.parent == index).tolist()))
+
+    return MirrorTree((), echoes.take(np.arange(0)), echoes.take(owner == ROOT), below(ROOT)), order
 
 
 def at_edges(order: Order, echoes: Echoes) -> Mask:
     """Which objects are so near to the edge of a mirror that they may be seen in it or past it, (n,)."""
     found = echoes.visible & echoes.strong & (order.face == ROOT)
-    found[found] = order.sight.undecided(echoes.take(found))
+    found[found] = order.undecided(echoes.take(found))
     return found
 
 
-def radar_itself(tree: MirrorTree, sight: LinesOfSight, echoes: Echoes) -> Mask:
+def radar_itself(sight: LinesOfSight, echoes: Echoes) -> Mask:
     """Which echoes are images of the radar's own antennas in mirrors, (n,)."""
-    found, folds = np.zeros(len(echoes), dtype=bool), tree.folds()
+    found = np.zeros(len(echoes), dtype=bool)
     through = np.where(echoes.visible & echoes.strong, sight.through(echoes), UNSEEN)
-    for index, chain in enumerate(sight.chain):
-        if chain and (seen := through == index).any():
-            found[seen] = images_of_radar(sight.view, echoes.take(seen), folds[chain])
+    for index in sight.ways:
+        if (seen := through == index).any():
+            found[seen] = images_of_radar(sight.view, echoes.take(seen), sight.fold(index))
     return found

@@ -29,16 +29,16 @@ def completed(
 
     Only straight mirrors are prolonged. `shortest` [m] is the least length of a mirror.
     """
-    clear = order.sight.cover.clear
+    clear = order.cover.clear
     loose = echoes.take(order.face == ROOT)  # no mirror is prolonged along the echoes of another one
     lines = [mirror for mirror in mirrors if isinstance(mirror, LineMirror)]
     known = [mirror for mirror in order.mirrors if isinstance(mirror, LineMirror)]
-    through = order.sight.through(loose)
+    through = order.through(loose)
     longer = []
     for mirror in lines:
         # The image of a wall behind a mirror ends where that mirror ends: what goes on beside it is of another wall.
         pieces = [lies_on(piece, mirror, view) for piece in order.mirrors]
-        same = np.isin(through, order.sight.parent[np.flatnonzero(pieces)])
+        same = np.isin(through, order.parent[np.flatnonzero(pieces)])
         longer.append(trimmed(beyond_shadows(mirror, view, loose.take(same), clear, known), view))
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
@@ -46,7 +46,7 @@ def completed(
     rows = [row for row in find_mirrors(view, sighted, minimum_length=0.5 * shortest) if isinstance(row, LineMirror)]
     halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
     whole = [trimmed(row, view) for row in joined(halves, view, sighted, clear, shortest)]
-    direct = [mirror for mirror, before in zip(order.mirrors, order.sight.parent, strict=True) if before == ROOT]
+    direct = [mirror for mirror, before in zip(order.mirrors, order.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
     images = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]
     return [*longer, *arcs, *whole, *edge_on(seen, images, view, echoes, shortest)]

@@ -58,13 +58,10 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     Echoes on a flat mirror that is `found` already are among them: it may be a piece of a curved one.
     """
     sight, echoes = found.sight, found.echoes
-    by_chain = found.tree.mirrors_by_chain()
-    lines = {index: by_chain[chain][-1] for index, chain in enumerate(sight.chain) if chain}
-    own, numbers = sight.through(echoes), np.array(list(lines), dtype=np.intp)
-    face = faces(list(lines.values()), view, echoes, 0.0)
+    own, numbers = sight.through(echoes), np.array(list(sight.ways), dtype=np.intp)
+    face = faces([way[-1] for way in sight.ways.values()], view, echoes, 0.0)
     own[face >= 0] = sight.parent[numbers[face[face >= 0]]]
-    curved = [index for index, chain in enumerate(sight.chain) if any_curved(by_chain[chain])]
-    own[np.isin(own, curved)] = UNSEEN
+    own[np.isin(own, [index for index, way in sight.ways.items() if any_curved(way)])] = UNSEEN
     return find_curved_rows(view, echoes, own)
 
 
@@ -73,6 +70,6 @@ def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> 
 
     A curved mirror shows no straight line as straight. So a straight row of echoes behind it is no image of a wall.
     """
-    bent = [any_curved(order.mirrors_to(index)[:-1]) for index in range(len(order.mirrors))]
+    bent = [any_curved(order.way(index)[:-1]) for index in range(len(order.mirrors))]
     kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]
     return ordered(kept) if any(bent) else order

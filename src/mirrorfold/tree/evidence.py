@@ -231,13 +231,11 @@ def _along(mirror: Mirror, row: Mirror, view: View) -> bool:
 def evidence_of(found: Found, view: View, row: Mirror, known: Array, selected: EvidenceSelector = behind) -> Evidence:
     """The evidence for a row that was tried as a mirror in `found`; `known` (n, d) [m] are places known before."""
     sight, echoes = found.sight, found.echoes
-    by_chain = found.tree.mirrors_by_chain()
     cells, empty, confirmed, unconfirmed, shows = 0, 0, 0, 0, list[NewEchoes]()
     tree = cKDTree(known)
     through = sight.through(echoes)
-    for index, chain in enumerate(sight.chain):
-        way = by_chain[chain]
-        if not way or not _part_of(way[-1], row):
+    for index, way in sight.ways.items():
+        if not _part_of(way[-1], row):
             continue
         seen = echoes.take(echoes.visible & (through == index))
         seen = seen.take(selected(view, seen, row))

@@ -28,9 +28,7 @@ def with_lines_by_waves(found: Found, view: ImageView) -> Found:
         face = way[-1].snapped(view, node.face) if way else node.face
         return replace(node, way=way, face=face, mirrors=tuple(map(moved, node.mirrors)))
 
-    tree = moved(found.tree)
-    by_chain, crossing = tree.mirrors_by_chain(), found.sight.crossing.copy()
-    for index, chain in enumerate(found.sight.chain):
-        if chain:
-            crossing[index] = by_chain[chain][-1].crossing(view)
-    return found._replace(tree=tree, sight=replace(found.sight, crossing=crossing))
+    mirrors, crossing = [closer.get(mirror, mirror) for mirror in found.sight.mirrors], found.sight.crossing.copy()
+    for index in found.sight.ways:
+        crossing[index] = mirrors[index].crossing(view)
+    return found._replace(tree=moved(found.tree), sight=replace(found.sight, mirrors=mirrors, crossing=crossing))

@@ -7,6 +7,7 @@ shows behind an object is multiple scattering.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -16,7 +17,7 @@ import numpy as np
 from mirrorfold.common.decibels import power_ratio_of, ratio_of
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Chain, Index, Mask
-from mirrorfold.detection import Echoes, Fold, ImageView, View
+from mirrorfold.detection import Echoes, Fold, ImageView, Mirror, View, fold_of
 from mirrorfold.detection.echoes import brightest_of
 from mirrorfold.detection.views.view import in_pieces
 from mirrorfold.tree.grouping import object_numbers
@@ -151,35 +152,59 @@ class LinesOfSight:
     Attributes
     ----------
     view : View
+    mirrors : sequence of Mirror
+        The mirrors that are seen, each by way of one mirror only. Numbers of mirrors are those of this list.
     crossing : (mirrors, n) array [m]
         Range at which each line of sight meets each mirror; infinite where it misses the mirror.
     parent : (mirrors,) array of int
         Number of the mirror through which each mirror is seen, `ROOT`, or `UNSEEN`.
     cover : Cover
         What objects hide.
-    chain : tuple of tuple of int
-        Chain of each mirror in the tree; empty for mirrors that are not in the tree.
     empty_up_to : (n,) array [m]
         Range up to which the radar's direct view is empty in each direction; an empty array if that is not known.
     """
 
     view: View
+    mirrors: Sequence[Mirror]
     crossing: Array
     parent: Index
     cover: Cover
-    chain: tuple[Chain, ...] = ()
     empty_up_to: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def unfolded(cls, view: View) -> LinesOfSight:
         """The lines of sight of a scene without mirrors, in which nothing is hidden."""
         nothing = np.empty((0, len(view.sight)))
-        return cls(view, nothing, np.empty(0, dtype=np.intp), Cover.nothing(len(view.sight)))
+        return cls(view, (), nothing, np.empty(0, dtype=np.intp), Cover.nothing(len(view.sight)))
 
     @cached_property
     def parent_of(self) -> Index:
         """`parent` with two more entries, so that the numbers `UNSEEN` and `ROOT` are their own parents."""
         return np.append(self.parent, [UNSEEN, ROOT])
+
+    @cached_property
+    def chain(self) -> tuple[Chain, ...]:
+        """Chain of each mirror in the tree; empty for those that are not in the tree, because a parent is not seen."""
+        chains: dict[int, Chain] = {ROOT: ()}
+        waiting = [ROOT]
+        for index in waiting:
+            below = np.flatnonzero(self.parent == index).tolist()
+            chains |= {child: (*chains[index], i) for i, child in enumerate(below)}
+            waiting += below
+        return tuple(chains.get(index, ()) for index in range(len(self.parent)))
+
+    def way(self, index: int) -> tuple[Mirror, ...]:
+        """The mirrors by way of which the radar looks into mirror `index`, this one last; none for `ROOT`."""
+        return (*self.way(int(self.parent[index])), self.mirrors[index]) if index >= 0 else ()
+
+    @cached_property
+    def ways(self) -> dict[int, tuple[Mirror, ...]]:
+        """The `way` to each mirror in the tree, by number."""
+        return {index: self.way(index) for index, chain in enumerate(self.chain) if chain}
+
+    def fold(self, index: int) -> Fold:
+        """The map from the image to the true places of what is seen by way of mirror `index`, or directly (`ROOT`)."""
+        return fold_of(self.way(index), self.view.dimensions)
 
     @cached_property
     def passages(self) -> tuple[Array, Index]:

@@ -83,10 +83,6 @@ class MirrorTree:
         """Number of mirrors in the chain: 0 for the root."""
         return len(self.chain)
 
-    def folds(self) -> dict[Chain, Fold]:
-        """For the chain of every node of this tree: its `fold`."""
-        return {node.chain: node.fold for node in self.walk()}
-
     def mirrors_by_chain(self) -> dict[Chain, tuple[Mirror, ...]]:
         """For the chain of every node of this tree: its `way`."""
         return {node.chain: node.way for node in self.walk()}

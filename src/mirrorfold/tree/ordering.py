@@ -17,7 +17,7 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
-from mirrorfold.detection import Echoes, Fold, ImageView, LineMirror, Mirror, View, fold_of
+from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror, View
 from mirrorfold.detection.echoes import brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import faces
@@ -35,35 +35,29 @@ PAST_CELLS = 2.0
 as wide."""
 
 
-@dataclass(frozen=True, eq=False)
-class Order:
-    """Mirrors, and which is seen through which.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Order(LinesOfSight):
+    """Mirrors, and which is seen through which: the lines of sight, and which echoes lie on which mirror.
 
     Attributes
     ----------
-    mirrors : sequence of Mirror
-        Mirrors that are seen, cut into pieces each of which is seen by way of one mirror only.
-    sight : LinesOfSight
-        Lines of sight, with the parent of each mirror.
     face : (n,) array of int
         The mirror that each echo lies on, `UNSEEN` for echoes from inside a wall, `ROOT` for all others.
     """
 
-    mirrors: Sequence[Mirror]
-    sight: LinesOfSight
     face: Index
 
     def images_of_radar(self) -> Mask:
         """Which mirrors are images of the radar's own antennas in another mirror, (mirrors,)."""
-        view, found = self.sight.view, np.zeros(len(self.mirrors), dtype=bool)
+        view, found = self.view, np.zeros(len(self.mirrors), dtype=bool)
         for index, mirror in enumerate(self.mirrors):
-            place = self.fold(self.sight.parent[index])(mirror.center)
+            place = self.fold(self.parent[index])(mirror.center)
             found[index] = view.on_radar(place[None], ITSELF_CELLS * view.cell_at(mirror.center))[0]
         return found
 
     def images_in_corners(self) -> Mask:
         """Which mirrors are seen in one leg of a corner, and are images of a known wall by way of both, (mirrors,)."""
-        view, parents, found = self.sight.view, self.sight.parent.tolist(), np.zeros(len(self.mirrors), dtype=bool)
+        view, parents, found = self.view, self.parent.tolist(), np.zeros(len(self.mirrors), dtype=bool)
         for index, (mirror, leg) in enumerate(zip(self.mirrors, parents, strict=True)):
             if leg >= 0 and isinstance(view, ImageView) and isinstance(mirror, LineMirror):
                 before = parents[leg]
@@ -73,34 +67,23 @@ class Order:
                 found[index] = any(is_image(mirror, image, walls, view) for image in images)
         return found
 
-    def mirrors_to(self, index: int) -> tuple[Mirror, ...]:
-        """The mirrors by way of which the radar looks into mirror `index`, this one last; none for `ROOT`."""
-        way: tuple[Mirror, ...] = ()
-        while index >= 0:
-            way, index = (self.mirrors[index], *way), int(self.sight.parent[index])
-        return way
-
-    def fold(self, index: int) -> Fold:
-        """The map from the image to the true places of what is seen by way of mirror `index`, or directly (`ROOT`)."""
-        return fold_of(self.mirrors_to(index), self.sight.view.dimensions)
-
     def shown_by(self, echoes: Echoes) -> Index:
         """Number of the mirror by way of which each echo is seen, (n,); for echoes on a mirror, its parent."""
-        through = self.sight.through(echoes)
-        return np.where(self.face == ROOT, through, self.sight.parent_of[self.face])
+        through = self.through(echoes)
+        return np.where(self.face == ROOT, through, self.parent_of[self.face])
 
     def flattened(self, echoes: Echoes) -> Mask:
         """Which echoes are seen by way of a concave mirror, (n,): it flattens their waves, as a longer way would."""
-        ways = [self.mirrors_to(index) for index in range(len(self.mirrors))]
-        concave = [index for index, way in enumerate(ways) if any(mirror.curvature < 0.0 for mirror in way)]
-        return np.isin(self.sight.through(echoes), concave)
+        numbers = range(len(self.mirrors))
+        concave = [index for index in numbers if any(mirror.curvature < 0.0 for mirror in self.way(index))]
+        return np.isin(self.through(echoes), concave)
 
     def seen(self, echoes: Echoes) -> Echoes:
         """The echoes with their marks `visible` and `strong`, and their `limit`, as they follow from this order."""
-        visible = echoes.visible & self.sight.clear(echoes)
-        through = self.sight.through(echoes)
+        visible = echoes.visible & self.clear(echoes)
+        through = self.through(echoes)
         strong, limit = echoes.strong.copy(), echoes.limit.copy()
-        beam = np.rint(self.sight.view.in_cells(echoes.position)[:, 1:] / BEAM).astype(np.intp)
+        beam = np.rint(self.view.in_cells(echoes.position)[:, 1:] / BEAM).astype(np.intp)
         beam -= beam.min(axis=0, initial=0)
         number = np.ravel_multi_index(tuple(beam.T), tuple(beam.max(axis=0, initial=0) + 1))
         # A lossy mirror dims all that is seen through it. Where the objects behind it are dimmer than the reference,
@@ -110,7 +93,7 @@ class Order:
             objects = behind & echoes.strong
             if objects.any():
                 # How much a curved mirror spreads the wave is known from its shape, and does not count as loss.
-                gain = dimming(self.mirrors_to(mirror), echoes.position)
+                gain = dimming(self.way(mirror), echoes.position)
                 level = echoes.amplitude * gain
                 reference = reference_echo(brightest_of(number[objects], level[objects]))
                 limit[behind] = (min(reference / echoes.reference, 1.0) * echoes.threshold / gain)[behind]
@@ -139,7 +122,7 @@ def order_mirrors(
     if settings.generations is not None:
         before = np.arange(len(found.mirrors))
         for _ in range(min(settings.generations, len(found.mirrors))):
-            before = np.where(before >= 0, found.sight.parent[before], before)
+            before = np.where(before >= 0, found.parent[before], before)
         if (before >= 0).any():
             kept = [mirror for mirror, deeper in zip(found.mirrors, before, strict=True) if deeper < 0]
             found = _ordered(kept, view, echoes, settings, walls)
@@ -171,8 +154,8 @@ def _ordered(
     number = np.full(len(mirrors) + 2, UNSEEN, dtype=np.intp)
     number[seen], number[ROOT] = np.arange(seen.size), ROOT
     own = np.where((face >= 0) & (number[face] == UNSEEN), ROOT, number[face])
-    sight = LinesOfSight(view, crossing[seen], number[parent[seen]], cover)
-    return Order([mirrors[index] for index in seen], sight, own)
+    kept = [mirrors[index] for index in seen]
+    return Order(view, kept, crossing[seen], number[parent[seen]], cover, face=own)
 
 
 def _cut(

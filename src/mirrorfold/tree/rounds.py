@@ -96,7 +96,7 @@ def find_tree(
         if searched and isinstance(view, ImageView) and len(rows := doubtful_rows(order.mirrors, view)):
             view = view.knowing(doubtful=np.concatenate([view.doubtful, rows]))
             continue
-        clear = order.sight.clear(echoes)
+        clear = order.clear(echoes)
         rescattered = _note_causes(reasons, order, seen, clear, settings, measured)
         blurs, corners = False, np.zeros((0, 2))
         if searched:
@@ -116,7 +116,7 @@ def find_tree(
     order = replace(order, face=np.where(rescattered, UNSEEN, order.face))
     tree, sight = assign_echoes(order, seen, opaque=settings.opaque)
     if settings.opaque:
-        reasons.note(radar_itself(tree, sight, seen), ITSELF)
+        reasons.note(radar_itself(sight, seen), ITSELF)
         reasons.note(at_edges(order, seen), AT_EDGE)
     return Found(seen, tree, sight, *reasons.explained())
 
@@ -304,7 +304,7 @@ def shown_at_last(order: Order, echoes: Echoes, seen: Echoes, settings: FoldSett
     had been hidden: what is visible then, is visible. Echoes that any round found strong count as objects.
     """
     echoes = replace(echoes, strong=echoes.strong | seen.strong)
-    anew = order_mirrors(order.mirrors, order.sight.view, echoes, settings).seen(echoes)
+    anew = order_mirrors(order.mirrors, order.view, echoes, settings).seen(echoes)
     new = anew.visible & ~seen.visible
     marks = {name: np.where(new, getattr(anew, name), getattr(seen, name)) for name in ("visible", "strong", "limit")}
     return replace(seen, **marks)

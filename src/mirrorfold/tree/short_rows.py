@@ -74,13 +74,11 @@ def short_rows(found: Found, view: ImageView, shortest: float, corners: Corners 
     Without `corners`, every place at an end that is bright enough counts as a vertex.
     """
     sight, echoes = found.sight, found.echoes
-    by_chain = found.tree.mirrors_by_chain()
-    known = [by_chain[chain][-1] for chain in sight.chain if chain]
-    loose = faces(known, view, echoes, 0.0) == ROOT
+    loose = faces([way[-1] for way in sight.ways.values()], view, echoes, 0.0) == ROOT
     own = np.where(loose & echoes.visible, sight.through(echoes), UNSEEN)
     rows = list[Mirror]()
     for index in np.unique(own[own >= ROOT]):
-        if index == ROOT or not any_curved(by_chain[sight.chain[index]]):
+        if not any_curved(sight.ways.get(index, ())):
             some = echoes.take(own == index)
             rows += find_lines(some, view, minimum_length=shortest)
             if index == ROOT:  # faint rows, as long as other mirrors

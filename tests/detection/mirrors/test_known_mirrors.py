@@ -13,7 +13,7 @@ from synthetic import RANGE_CELL, diffuse, radar_image, together
 
 import mirrorfold as mf
 from mirrorfold.cli import main
-from mirrorfold.common.geometry import Isometry, reflect, segment_normal
+from mirrorfold.common.geometry import reflect, segment_normal
 from mirrorfold.common.types import ROOT
 from mirrorfold.detection.mirrors.known_mirrors import check_mirrors, read_mirrors, write_mirrors
 from mirrorfold.folding.earlier import initial_image
@@ -179,10 +179,10 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
 
     polar = to_image_view(view)
     tree, sight = build_tree(find_ridges(polar), polar)
-    x, y, folds = view["x"].values, view["y"].values, tree.folds()
+    x, y = view["x"].values, view["y"].values
     grid = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
     expected = np.zeros(grid.shape[:2])
-    mirrors = [(ROOT, Isometry.identity()), *((i, folds[chain]) for i, chain in enumerate(sight.chain))]
+    mirrors = [(number, sight.fold(number)) for number in (ROOT, *sight.ways)]
     blobs = owned_blobs(fold_back(tree), sight)
     own, ahead, looked = polar.locate(grid)
     empty = looked & (own < sight.empty_up_to[ahead])
@@ -196,7 +196,7 @@ def test_the_kernel_renders_what_its_slow_twin_does(view):
             sample = np.clip(np.rint((range_ - polar.range[0]) / polar.dr).astype(int), 0, polar.range.size - 1)
             seen &= blobs[column, sample] == mirror
         expected = np.maximum(expected, np.where(seen, amplitude, 0.0))
-    intensity, initial = (draw(s, folds, 0.04, (x, y), blobs) for s in (sight, LinesOfSight.unfolded(polar)))
+    intensity, initial = (draw(s, 0.04, (x, y), blobs) for s in (sight, LinesOfSight.unfolded(polar)))
     assert len(mirrors) == 2
     assert_allclose(intensity, expected, rtol=1e-5, atol=1e-6 * expected.max())
     assert_allclose(initial, between_samples(polar, grid), rtol=1e-5, atol=1e-6 * expected.max())

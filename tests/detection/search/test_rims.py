@@ -75,7 +75,7 @@ def test_echoes_within_a_beam_of_the_edge_of_a_mirror_are_undecided():
     )
     azimuth = np.repeat(angle, angle.size)
     crossing = np.where(azimuth < 0.0, 2.5, np.inf)[None]
-    sight = LinesOfSight(view, crossing, np.array([ROOT]), Cover.nothing(azimuth.size))
+    sight = LinesOfSight(view, (), crossing, np.array([ROOT]), Cover.nothing(azimuth.size))
     beam = np.arange(azimuth.size)
     last_inside = azimuth[azimuth < 0.0].max()
     for far, width in ((3.0, np.degrees(radius / 3.0)), (2.0, 0.0)):

@@ -92,7 +92,7 @@ def test_what_is_known_by_more_mirrors_ends_no_view_by_fewer():
     )
     tree = node([], mirrors=[node(in_mirror([BEHIND_IT]), (0,), [LineMirror(*MIRROR)], [deeper])])
     found = SimpleNamespace(tree=tree)
-    np.testing.assert_allclose(np.asarray(tree.folds()[0, 0](deeper.objects.position)), OBJECT, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(deeper.fold(deeper.objects.position)), OBJECT, atol=1e-9)
     assert behind_objects(found, VIEW)[0,].tolist() == [False]
 
 
@@ -103,7 +103,7 @@ def test_of_curved_mirrors_nothing_is_said():
 
 def test_of_volumes_nothing_is_said():
     tree = node(OBJECT, mirrors=[node(in_mirror([BEHIND_IT]), (0,), [LineMirror(*MIRROR)])])
-    found = SimpleNamespace(tree=tree, sight=SimpleNamespace(chain=()))
+    found = SimpleNamespace(tree=tree, sight=SimpleNamespace(ways={}))
     volume = SimpleNamespace(radar=VIEW.radar, cell=VIEW.cell, dimensions=2)
     assert behind_objects(found, VIEW)[0,].tolist() == [True]
     assert without_explained(found, volume) is found

@@ -13,7 +13,7 @@ from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.views.image_view import SAMPLES_PER_CELL
 from mirrorfold.tree.explaining.copies import _quantile, _reflected, copies, copy_level
-from mirrorfold.tree.lines_of_sight import Cover, LinesOfSight
+from mirrorfold.tree.lines_of_sight import Cover
 from mirrorfold.tree.ordering import Order
 
 pytestmark = pytest.mark.nojit
@@ -117,9 +117,9 @@ def found_in(samples, mirror=None, on_mirror=(), faint=(), unheard=()):
     echoes = replace(echoes, strong=np.array([one not in faint for one in samples]))
     mirrors = [] if mirror is None else [mirror]
     crossing = np.array([one.crossing(view) for one in mirrors]).reshape(len(mirrors), view.u.size)
-    sight = LinesOfSight(view, crossing, np.full(len(mirrors), ROOT), Cover.nothing(view.u.size))
     face = np.array([0 if one in on_mirror else ROOT for one in samples])
-    found = copies(Order(mirrors, sight, face), echoes)
+    order = Order(view, mirrors, crossing, np.full(len(mirrors), ROOT), Cover.nothing(view.u.size), face=face)
+    found = copies(order, echoes)
     return {one for one, is_copy in zip(samples, found, strict=True) if is_copy}
 
 

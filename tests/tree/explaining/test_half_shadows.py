@@ -100,7 +100,7 @@ def test_what_another_mirror_shows_past_the_end_tells_of_it_as_well(screen):
         order = order_mirrors(overhangs.on([LineMirror(*SCREEN), door], view), view, echoes, settings)
         seen = order.seen(echoes)
         brightest = np.argmax(np.where(echoes.range > 0.95, echoes.amplitude, 0.0))
-        way = order.mirrors_to(int(order.shown_by(seen)[brightest]))
+        way = order.way(int(order.shown_by(seen)[brightest]))
         assert (way[0].center[1] > 0.5) == (ordered > 0)  # first by way of the screen, then by way of the door alone
         overhangs = half_shadows(order, seen, waves, known)
         assert (overhangs.length < -0.005).tolist() == [True]

@@ -154,14 +154,13 @@ def folded_voxels(volume: xr.DataArray, grids: list[tuple[Grid, bool]]) -> list[
     echoes = find_echoes(view)
     settings = FoldSettings().completed(normalization=view.normalization, **usual_settings(view, echoes))
     found = find_tree(view, echoes, settings)
-    folds, margin = found.tree.folds(), settings.wall_margin or 0.0
-    blobs = owned_blobs(fold_back(found.tree), found.sight)
+    margin, blobs = settings.wall_margin or 0.0, owned_blobs(fold_back(found.tree), found.sight)
     result = []
     for grid, folded in grids:
         if folded:
-            values = draw(found.sight, folds, margin, grid, blobs)
+            values = draw(found.sight, margin, grid, blobs)
         else:
-            values = draw(LinesOfSight.unfolded(view), folds, margin, grid, np.full_like(blobs, ROOT))
+            values = draw(LinesOfSight.unfolded(view), margin, grid, np.full_like(blobs, ROOT))
         coords = {name: (name, axis, {"units": "m"}) for name, axis in zip("xyz", grid, strict=True)}
         result.append(xr.DataArray(values, dims=("z", "y", "x"), coords=coords, attrs={"long_name": "amplitude"}))
     return result

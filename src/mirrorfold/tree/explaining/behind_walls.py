@@ -43,10 +43,10 @@ wall may go on."""
 def prolonged_where_hidden(found: Found) -> dict[Chain, tuple[Mirror, ...]]:
     """`MirrorTree.mirrors_by_chain`, with straight mirrors prolonged as far as objects hide what is beyond."""
     sight, by_chain = found.sight, found.tree.mirrors_by_chain()
-    for index, chain in enumerate(sight.chain):
-        if chain and isinstance(last := by_chain[chain][-1], LineMirror):
+    for index, (*before, last) in sight.ways.items():
+        if isinstance(last, LineMirror):
             first, end = (_hidden(last, side, sight, int(sight.parent[index])) for side in (-1.0, 1.0))
-            by_chain[chain] = (*by_chain[chain][:-1], last.part(-first, last.length + end))
+            by_chain[sight.chain[index]] = (*before, last.part(-first, last.length + end))
     return by_chain
 
 

@@ -38,7 +38,7 @@ def copies(order: Order, echoes: Echoes) -> Mask:
     Copies by the pulse are sought among all direct echoes; copies by the wall of a mirror, among all echoes that the
     mirror reflects and those of its face. The `order` of the mirrors is that of the same echoes.
     """
-    sight, view = order.sight, order.sight.view
+    view = order.view
     found = np.zeros(len(echoes), dtype=bool)
     if not isinstance(view, ImageView):
         return found
@@ -46,7 +46,7 @@ def copies(order: Order, echoes: Echoes) -> Mask:
     own = np.where(order.face == ROOT, shown_by, order.face)
     # Copies by the pulse begin at the radar, those by a wall at its face.
     sets = [(shown_by == ROOT, np.zeros(len(view.sight)))]
-    sets += [(_reflected(own, sight.parent, mirror), sight.crossing[mirror]) for mirror in range(len(order.mirrors))]
+    sets += [(_reflected(own, order.parent, mirror), order.crossing[mirror]) for mirror in range(len(order.mirrors))]
     for reflected, begin in sets:
         which = np.flatnonzero(reflected & echoes.strong & echoes.visible)
         # An echo by way of a wall has met the wall twice, an echo of its face once.

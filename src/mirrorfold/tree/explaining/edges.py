@@ -31,11 +31,11 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
     visible object. An echo behind a mirror and less than a beam beside its end is assigned to the mirror, unless it
     belongs to an object that reaches farther away from that end, or would fold to where the direct view is empty.
     """
-    sight, view, owner = order.sight, order.sight.view, owner.copy()
+    view, owner = order.view, owner.copy()
     for side in view.beside(echoes.range, echoes.direction, STRONG_SHARE):
-        shown = sight.seen_through(echoes.range, side)
-        for mirror, parent in enumerate(sight.parent):
-            behind = echoes.range > sight.crossing[mirror, side] + BEHIND_CELLS * view.range_cell
+        shown = order.seen_through(echoes.range, side)
+        for mirror, parent in enumerate(order.parent):
+            behind = echoes.range > order.crossing[mirror, side] + BEHIND_CELLS * view.range_cell
             beside = (owner == parent) & (shown == mirror) & behind
             if not beside.any():
                 continue
@@ -43,7 +43,7 @@ def beyond_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             number = object_numbers(view, echoes.take(others))
             reaches_on = np.bincount(number, weights=~beside[others]) > 0.0
             moved = others[~reaches_on[number]]
-            owner[moved[~sight.contradicted(echoes.take(moved), order.fold(mirror))]] = mirror
+            owner[moved[~order.contradicted(echoes.take(moved), order.fold(mirror))]] = mirror
     return owner
 
 
@@ -59,24 +59,24 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
 
     The object beyond the end may also be a wall, whose row seems to go on before it.
     """
-    sight, view, corrected = order.sight, order.sight.view, owner.copy()
+    view, corrected = order.view, owner.copy()
     if not order.mirrors:
         return corrected
-    through, of_wall = sight.through(echoes), order.shown_by(echoes)
+    through, of_wall = order.through(echoes), order.shown_by(echoes)
     of_wall[~(echoes.visible & echoes.strong) | (order.face < 0)] = UNSEEN
     sides = view.beside(echoes.range, echoes.direction, STRONG_SHARE)
-    beside_in = np.array([sight.seen_through(echoes.range, side) for side in sides])
+    beside_in = np.array([order.seen_through(echoes.range, side) for side in sides])
     for side, shown in zip(sides, beside_in, strict=True):
         # What stands a little behind a wall beside the end is of that wall. `ROOT` and `UNSEEN` are their own parents.
-        depth = echoes.range - sight.crossing[shown, side]
+        depth = echoes.range - order.crossing[shown, side]
         at_wall = (shown != through) & (depth <= BEHIND_CELLS * view.range_cell)
-        shown = np.where(at_wall, sight.parent_of[shown], shown)
-        for mirror, parent in enumerate(sight.parent):
+        shown = np.where(at_wall, order.parent_of[shown], shown)
+        for mirror, parent in enumerate(order.parent):
             here = (owner == mirror) & (through == mirror)
             near = (beside_in == mirror).any(axis=0)
             for other in np.unique(shown[here & (shown != mirror) & (shown != UNSEEN)]):
                 # Not beside the end of a mirror that is seen in this one. Beyond its end, a curved one shows nothing.
-                if other not in (ROOT, parent) and (sight.parent[other] == mirror or order.mirrors[other].curvature):
+                if other not in (ROOT, parent) and (order.parent[other] == mirror or order.mirrors[other].curvature):
                     continue
                 wall = near & (of_wall == other) & (order.face != mirror)
                 own = np.flatnonzero((owner == other) | here | wall)

@@ -87,7 +87,7 @@ def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) 
     The `waves` are of several transmitters and receivers. `known` holds the measurements of earlier calls; those of
     this call are added.
     """
-    view = order.sight.view
+    view = order.view
     overhangs = Overhangs.nothing()
     if not isinstance(view, ImageView) or min(len(side.position) for side in waves.apertures) < 2:
         return overhangs
@@ -100,7 +100,7 @@ def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) 
             continue
         # Whatever the lines of sight meet behind the mirror, or past its end.
         met = view.meets(mirror.normal, mirror.center)[echoes.direction]
-        beside = order.sight.seen_through(met, echoes.direction) == order.sight.parent[index]
+        beside = order.seen_through(met, echoes.direction) == order.parent[index]
         behind = mirror.behind(view, echoes.position) > BEHIND_CELLS * view.range_cell
         own = asked & beside & behind & (order.face != index)
         for end, far_end in (mirror.ends, mirror.ends[::-1]):

@@ -45,20 +45,20 @@ def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> M
     The `order` of the mirrors is that of the same echoes; those in a row that was taken for a mirror may be among them.
     In a volume there are none. `corners` tells which places (n, 2) [m] of the image show right-angled corners, (n,).
     """
-    found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
+    found, view = np.zeros(len(echoes), dtype=bool), order.view
     if not isinstance(view, ImageView):
         return found
     shown_by = order.shown_by(echoes)
-    flat = {index: true_ends(order.mirrors_to(index)) for index, wall in enumerate(order.mirrors) if not wall.curved}
+    flat = {index: true_ends(order.way(index)) for index, wall in enumerate(order.mirrors) if not wall.curved}
     objects = _objects(order, echoes)
-    for rough, parent in enumerate(sight.parent):
+    for rough, parent in enumerate(order.parent):
         face = echoes.amplitude[echoes.visible & (order.face == rough)]
-        if not face.size or any_curved(order.mirrors_to(rough)):
+        if not face.size or any_curved(order.way(rough)):
             continue
-        begin = sight.crossing[rough, echoes.direction]
+        begin = order.crossing[rough, echoes.direction]
         own = echoes.visible & (shown_by == rough) & np.isfinite(begin)
         own = np.flatnonzero(own & (echoes.amplitude <= np.quantile(face, BRIGHT)))
-        surface = _Surface(view, sight.crossing[rough], order.fold(int(parent)))
+        surface = _Surface(view, order.crossing[rough], order.fold(int(parent)))
         seen = echoes.take(own)
         for other, wall in flat.items():
             if other != rough:
@@ -127,9 +127,9 @@ def _of_objects(
 
     The objects are the result of `_objects`. Echoes that are `single` (n,) lie in no row.
     """
-    view, (bright, places) = order.sight.view, objects
+    view, (bright, places) = order.view, objects
     # The path over the wall is shortest where it reflects the object. By all other places the object appears farther.
-    image = in_image(order.mirrors_to(number), places)
+    image = in_image(order.way(number), places)
     nearest, apart = np.linalg.norm(image - view.radar, axis=1), FROM_IMAGE_CELLS * view.range_cell
     distance = np.linalg.norm(rough.places[:, None] - places, axis=2)
     found = np.abs(distance[rough.of(echoes)] - rough.depth_behind(echoes)[:, None]) <= EXPECTED_CELLS * view.range_cell
@@ -151,10 +151,10 @@ def _of_objects(
 
 def _objects(order: Order, echoes: Echoes) -> tuple[Echoes, Array]:
     """The brightest echo of objects in each cell, direct and by way of mirrors; and their true places (m, 2) [m]."""
-    view = order.sight.view
+    view = order.view
     objects = echoes.take(echoes.visible & echoes.strong & (order.face == ROOT))
     objects = objects.take(view.brightest(objects.position, objects.amplitude))
-    through = order.sight.through(objects)
+    through = order.through(objects)
     objects, through = objects.take(through != UNSEEN), through[through != UNSEEN]
     places = np.empty_like(objects.position)
     for index in np.unique(through):

@@ -35,25 +35,25 @@ def short_cuts(order: Order, echoes: Echoes) -> Mask:
     The `order` of the mirrors is that of the same echoes. Hidden ones are among them: a bright object may be hidden by
     its own echo by the short cut.
     """
-    found, sight, view = np.zeros(len(echoes), dtype=bool), order.sight, order.sight.view
+    found, view = np.zeros(len(echoes), dtype=bool), order.view
     if not isinstance(view, ImageView):
         return found
-    through = sight.through(echoes)
+    through = order.through(echoes)
     objects = np.flatnonzero(echoes.strong & (order.face < 0) & (through >= 0))
     objects = objects[view.brightest(echoes.position[objects], echoes.amplitude[objects])]
     for last in np.unique(through[objects]):
-        if any_curved(order.mirrors_to(int(last))):
+        if any_curved(order.way(int(last))):
             continue
         bright = echoes.take(objects[through[objects] == last])
         places = order.fold(int(last))(bright.position)
-        rough = int(sight.parent[last])
+        rough = int(order.parent[last])
         while rough >= 0:
-            before = order.fold(int(sight.parent[rough]))
-            crossing = sight.crossing[rough, echoes.direction]
+            before = order.fold(int(order.parent[rough]))
+            crossing = order.crossing[rough, echoes.direction]
             met = before(view.points(np.where(np.isfinite(crossing), crossing, np.nan), echoes.direction))
             asked = np.flatnonzero((order.face == ROOT) & ~found & (echoes.range > crossing))
             found[asked] = _made_by(met[asked], crossing[asked], view, echoes.take(asked), bright, places)
-            rough = int(sight.parent[rough])
+            rough = int(order.parent[rough])
     return found
 
 

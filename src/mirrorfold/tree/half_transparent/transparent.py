@@ -19,7 +19,7 @@ from scipy.special import expit, logit
 
 from mirrorfold.common.geometry import unit, unit_or_zero
 from mirrorfold.common.slabs import slab
-from mirrorfold.common.types import Array, Mask
+from mirrorfold.common.types import ROOT, Array, Mask
 from mirrorfold.common.windows import hann
 from mirrorfold.detection import Echoes, Mirror, View
 from mirrorfold.detection.echoes import noise_limit
@@ -142,10 +142,8 @@ def with_doubts(found: Found, view: View, images: Mapping[str, xr.DataArray]) ->
 
 def flat_walls(found: Found) -> list[tuple[int, Mirror]]:
     """The flat mirrors in line of sight, and their numbers."""
-    mirrors = [
-        (index, found.tree.mirrors[chain[0]].mirror) for index, chain in enumerate(found.sight.chain) if len(chain) == 1
-    ]
-    return [(index, mirror) for index, mirror in mirrors if mirror is not None and not mirror.curved]
+    mirrors, direct = found.sight.mirrors, np.flatnonzero(found.sight.parent == ROOT).tolist()
+    return [(index, mirrors[index]) for index in direct if not mirrors[index].curved]
 
 
 def taken_out(
