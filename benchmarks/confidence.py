@@ -37,7 +37,6 @@ import mirrorfold as mf
 from mirrorfold.benchmarking.scenes import Task, simulated
 from mirrorfold.common.types import Array, Index, Mask, Names
 from mirrorfold.detection.finding import find_echoes, see, usual_settings
-from mirrorfold.detection.search.coherent import ComplexImage
 from mirrorfold.focusing.settings import TOLERANCE_TO_FOLD
 from mirrorfold.folding import PRESETS, Points, fold_back
 from mirrorfold.folding.confidence import (
@@ -168,7 +167,7 @@ def folded(task: Task, image: xr.DataArray, scene: FloorPlan, sweep: xr.Dataset 
     settings = PRESETS["default"].completed(**usual_settings(view, echoes))
     settings = replace(settings, copies=sweep is not None)
     measured = (no_measurements if sweep is None else measured_by_sweep(sweep))(view)
-    found = find_every_kind(view, echoes, settings, measured=measured, image=ComplexImage.of(image, view))
+    found = find_every_kind(view, echoes, settings, measured=measured)
     points = fold_back(found.tree, view, found.transparent_walls)
     if measured.confocal_share is not None:
         points = with_confocal_shares(points, measured.confocal_share)
