@@ -106,7 +106,8 @@ def test_of_voxels_their_amplitude_or_the_floor_plan_is_the_most():
 @pytest.mark.parametrize("ranges", [40, 4000])
 def test_a_volume_is_held_with_its_echoes_and_fits_or_owners(dtype, own, ranges):
     """The scan that was focused to be folded is itself what is looked at."""
-    volume = xr.DataArray(np.ones((ranges, 6, 5), dtype=dtype), dims=("range", "azimuth", "elevation"))
+    axes = {"range": 1.0 + 0.01 * np.arange(ranges), "azimuth": np.arange(6.0), "elevation": np.arange(5.0)}
+    volume = xr.DataArray(np.ones((ranges, 6, 5), dtype=dtype), axes, ("range", "azimuth", "elevation"))
     parts = fold_parts(volume)
     size = 30.0 * ranges
     assert parts.pop("image") == volume.nbytes

@@ -30,6 +30,9 @@ BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
 """Size of a block of a mirror in resolution cells, so large that the speckle of neighbouring blocks is nearly
 independent; and least number of blocks along a direction, from whose differences the standard errors follow."""
 
+ROUNDING = 1e-9
+"""Share of a block within which a position counts as on its border: far more than rounding errors."""
+
 KINKS, KINK_SHARES = 13, (0.2, 0.8)
 """Number of places at which a kink of a row is tried; and the first and last one, as shares of the row's length: a
 shorter part says little of a direction."""
@@ -60,7 +63,8 @@ def blocks(along: Array, side: float, cells: float, *, fewest: int) -> Index:
     """
     first, size = along.min(axis=0), np.maximum(np.ptp(along, axis=0), np.finfo(float).tiny)
     count = np.maximum(np.rint(size / (side * cells ** (1.0 / along.shape[1]))), fewest)
-    place = np.minimum(((along - first) / size * count).astype(np.intp), count.astype(np.intp) - 1)
+    # Pixels of a grid may stand on the border of two blocks: rounding must not decide in which.
+    place = np.minimum(((along - first) / size * count + ROUNDING).astype(np.intp), count.astype(np.intp) - 1)
     return np.unique(np.ravel_multi_index(tuple(place.T), tuple(count.astype(np.intp))), return_inverse=True)[1]
 
 
