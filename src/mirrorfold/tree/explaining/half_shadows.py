@@ -37,7 +37,7 @@ DIRECTIONS = 8.0
 """What was measured at an end of a mirror is kept for mirrors whose direction rounds to the same multiples of one over
 this number. Another mirror that ends there, in another direction, divides the antennas otherwise."""
 
-LEAST_ZONES = 2.5
+LEAST_ZONES = 2.3
 """Least spread of the antennas in Fresnel zones, where the paths to an echo pass the end of the mirror: an edge bends
 waves over one zone, which blurs a half-shadow of few zones."""
 
