@@ -142,9 +142,10 @@ def hidden_dask() -> Iterator[None]:
 
     If Dask is installed, xarray imports it to find out whether an array is lazy, which takes half a second; no option
     prevents that (`xarray.namedarray.utils.is_dask_collection`). An entry None in `sys.modules` is Python's own way to
-    say that a module cannot be imported. xarray remembers the answer until the process ends.
+    say that a module cannot be imported. xarray remembers the answer until the process ends; so where it may have
+    found Dask already, Dask stays.
     """
-    if "dask" in sys.modules:
+    if not {"dask", "xarray"}.isdisjoint(sys.modules):
         yield
         return
     sys.modules["dask"] = None  # type: ignore[assignment]
