@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import importlib.util
 import os
+import subprocess
 import sys
 import tempfile
 import warnings
@@ -22,6 +23,19 @@ from mirrorfold.common.kernels import njit
 @njit(nogil=True)
 def double(x):
     return 2.0 * x
+"""
+
+SORTING = """
+import numpy as np
+from mirrorfold.common.kernels import njit
+
+@njit(makes_arrays=True)
+def smallest(x):
+    return np.sort(x)[0]
+
+@njit(makes_arrays=True)
+def where_smallest(x):
+    return np.argsort(x)[0]
 """
 
 pytestmark = pytest.mark.skipif("NUMBA_DISABLE_JIT" in os.environ, reason="nothing is compiled")
@@ -144,3 +158,17 @@ def test_a_kernel_that_makes_arrays_must_say_so():
     assert twos(2).tolist() == [2.0, 2.0]
     with pytest.raises(numba.TypingError):
         threes(2)
+
+
+@pytest.mark.slow
+def test_kernels_that_two_processes_compiled_are_not_mistaken_for_each_other(tmp_path):
+    """Both processes give the sorting functions within the kernels the same number, if each counts from one."""
+    (tmp_path / "sorting.py").write_text(SORTING)
+    begin = "import numpy as np, sorting\nfalling = np.arange(40.0)[::-1].copy()\n"
+    skip = "from numba.core.bytecode import FunctionIdentity\n[next(FunctionIdentity._unique_ids) for _ in range(3)]\n"
+    both = "print(sorting.smallest(falling), sorting.where_smallest(falling))"
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    for program in ("sorting.smallest(falling)", skip + "sorting.where_smallest(falling)", both):
+        command = [sys.executable, "-c", begin + program]
+        run = subprocess.run(command, env=os.environ | cache, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["0.0", "39"]

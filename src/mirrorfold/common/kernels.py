@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import secrets
 import stat
 import tempfile
 import warnings
@@ -12,7 +14,19 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import FunctionCache
+
+NUMBERED = "from a random number on"
+"""How functions are numbered in what is kept; files that do not say so are compiled again.
+
+Numba numbers the functions that it compiles, from one in each process, and these numbers tell apart the compiled code
+of functions of one name, as those within `numpy.sort` and `numpy.argsort`. Kernels that two processes have compiled may
+hold two such functions under one number. A third process that loads both from the disk then runs the code of the one in
+the place of the other: it sorts wrongly, or crashes.
+"""
+
+FunctionIdentity._unique_ids = itertools.count(secrets.randbits(62))
 
 
 class _KernelCache(FunctionCache):
@@ -28,7 +42,7 @@ class _KernelCache(FunctionCache):
         caches = [getattr(value, "_cache", None) for value in named.values()]
         called = [cache.stamp for cache in caches if isinstance(cache, _KernelCache)]
         constants = {name: value for name, value in named.items() if isinstance(value, (int, float, complex, tuple))}
-        self.stamp: Any = (self._impl.locator.get_source_stamp(), called, repr(constants))
+        self.stamp: Any = (NUMBERED, self._impl.locator.get_source_stamp(), called, repr(constants))
         self._cache_file._source_stamp = self.stamp
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
