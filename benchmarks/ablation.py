@@ -80,6 +80,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "side lobes in range": ({image_to_view: {"known_weights": lambda *given: np.zeros(0)}}, {}),
     "rings": ({side_lobes: {"SMALLEST_PART": 1.0}, outshone: {"LONGEST_ROW": np.inf}}, {}),
     "rows of side lobes": ({lines: {"are_side_lobes": lambda *given: False}}, {}),
+    "walls that end by their waves": ({rounds: {"doubtful_rows": lambda *given: np.zeros((0, 2, 2))}}, {}),
     "lines by waves": ({kinds: {"with_lines_by_waves": lambda found, image: found}}, {}),
     "lines that leave their rows": ({lines: {"KEPT_SHARE": 0.0}}, {}),
     "breaks in rows": ({lines._Lines: {"_unbroken": lambda search, mirror, own: mirror}}, {}),

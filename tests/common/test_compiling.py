@@ -160,6 +160,16 @@ def test_a_kernel_that_makes_arrays_must_say_so():
         threes(2)
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
+def test_a_forked_process_numbers_its_functions_anew():
+    number = "print(next(FunctionIdentity._unique_ids), flush=True)"
+    begin = "import os\nimport mirrorfold.common.kernels\nfrom numba.core.bytecode import FunctionIdentity\n"
+    program = f"{begin}if os.fork():\n    os.wait()\n{number}\n"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    one, other = map(int, run.stdout.split())
+    assert abs(one - other) > 1000
+
+
 @pytest.mark.slow
 def test_kernels_that_two_processes_compiled_are_not_mistaken_for_each_other(tmp_path):
     """Both processes give the sorting functions within the kernels the same number, if each counts from one."""

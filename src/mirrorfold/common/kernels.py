@@ -26,7 +26,15 @@ hold two such functions under one number. A third process that loads both from t
 the place of the other: it sorts wrongly, or crashes.
 """
 
-FunctionIdentity._unique_ids = itertools.count(secrets.randbits(62))
+
+def _number_functions() -> None:
+    """Let Numba number the functions that this process compiles from a random number on, see `NUMBERED`."""
+    FunctionIdentity._unique_ids = itertools.count(secrets.randbits(62))
+
+
+_number_functions()
+if hasattr(os, "register_at_fork"):  # processes that are forked would all go on with the number of their parent
+    os.register_at_fork(after_in_child=_number_functions)
 
 
 class _KernelCache(FunctionCache):

@@ -146,11 +146,8 @@ def shown_part(mirror: LineMirror, view: ImageView) -> LineMirror:
     first, end = np.unravel_index(np.argmax(np.triu(total - total[:, None])), (told.size + 1, told.size + 1))
     if end - first in (0, told.size) or np.median(share[first:end]) > MOST_UNEXPLAINED:
         return mirror
-    section = mirror.length / best.power.size
-    return mirror.part(
-        0.0 if first == 0 else section * float(told[first]),
-        mirror.length if end == told.size else section * float(told[end]),
-    )
+    borders = np.concatenate([[0], told[1:], [best.power.size]]) / best.power.size * mirror.length
+    return mirror.part(float(borders[first]), float(borders[end]))
 
 
 def trimmed(mirror: LineMirror, view: ImageView) -> LineMirror:

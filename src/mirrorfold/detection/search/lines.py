@@ -164,12 +164,11 @@ class _Lines(Search[LineMirror]):
     def refined(self, mirror: LineMirror) -> LineMirror | None:
         """The mirror, continued as far as its row goes on, faint echoes included, and fitted to the image.
 
-        On rows that are doubtful, only what its waves show to be a wall. None if that is too short, or if the fitted
-        line leaves the row: `KEPT_SHARE`.
+        On rows that are doubtful, only what its waves show to be a wall. None if the fitted line leaves the row:
+        `KEPT_SHARE`.
         """
         row = self._on_image(mirror)
-        part = row and trimmed(row, self.view)
-        return part if part and (part is row or part.length >= self.shortest(part)) else None
+        return None if row is None else trimmed(row, self.view)
 
     def _on_image(self, mirror: LineMirror) -> LineMirror | None:
         """The mirror as the power of the image shows it, see `refined`."""
