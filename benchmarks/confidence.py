@@ -11,8 +11,8 @@ weight in the fit, whatever the number of their points.
 The tables hold, for each radar and engine and number of mirrors in the chain: the number of points, the share of true
 points (a surface stands within 1.5 resolution cells), the mean confidence, the expected calibration error over ten bins
 (Naeini, Cooper and Hauskrecht, AAAI 2015), the share of the true points that a least confidence of 0.5 keeps, the share
-of true points among those kept, and the normalised error: the root of the mean square of the distance to the nearest
-surface over the standard error of the place, for points that are kept and true.
+of true points among those kept, and the normalised error: the root of the mean square of the distance across
+the nearest surface over the standard error of the place, for points that are kept and true.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class Scene(NamedTuple):
         The number among `TABLES` of the weights of each point.
     true : (n,) bool array
     normalised : (n,) array
-        Distance to the nearest surface over the standard error of the place across that surface.
+        Distance across the nearest surface over the standard error of the place in that direction.
     """
 
     engine: str
@@ -175,7 +175,8 @@ def folded(task: Task, image: xr.DataArray, scene: FloorPlan, sweep: xr.Dataset 
     values = features(points, view, mirror_error, over_faces(points, found.tree))
     truth = floor_plans.truth(scene)
     distance, nearest = truth.distances(points.position)
-    across = np.linalg.norm(error * truth.normals[nearest], axis=1)
+    normal = truth.normals[nearest]
+    across = np.abs(np.sum((points.position - truth.place[nearest]) * normal, axis=1))
     return Scene(
         task.family.engine,
         task.radar.name,
@@ -185,7 +186,7 @@ def folded(task: Task, image: xr.DataArray, scene: FloorPlan, sweep: xr.Dataset 
         values,
         table_numbers(points, values, view, by_sweep=sweep is not None),
         distance <= TRUE_CELLS * view.cell(np.linalg.norm(points.initial - view.radar, axis=1)),
-        distance / np.maximum(across, np.finfo(float).tiny),
+        across / np.maximum(np.linalg.norm(error * normal, axis=1), np.finfo(float).tiny),
     )
 
 

@@ -35,7 +35,7 @@ def s_wall(seed, *, kink=0.0, turn=0.0, shift=0.0):
         # The places of a resolution cell share their speckle.
         stray = np.repeat(random.normal(0.0, 1e-3, 24), 5)
         points = arc.at(place) + stray[:, None] * arc.outward(place)
-        center, size, _ = fitted_circle(points, np.ones(120), arc.middle, arc.radius)
+        center, size = fitted_circle(points, np.ones(120), arc.middle, arc.radius)
         circle = replace(arc, middle=center, radius=size)
         halves.append(circle.part(*np.sort(circle.along(arc.ends)).tolist()))
         measured.append((points, np.ones(120)))

@@ -30,7 +30,13 @@ from mirrorfold.detection.search.circles import (
     fitted_circle,
     proposed,
 )
-from mirrorfold.detection.search.fit import FEWEST_BLOCKS, block_covariance, kink_residual, power_centroids
+from mirrorfold.detection.search.fit import (
+    FEWEST_BLOCKS,
+    fit_covariance,
+    kink_residual,
+    power_centroids,
+    robust_weights,
+)
 from mirrorfold.detection.search.growing import clipped_weight, drawn
 from mirrorfold.detection.search.joined import fitted_together, s_shaped
 from mirrorfold.detection.search.lines import PROFILE
@@ -46,8 +52,8 @@ SMALLEST_FILL = 0.7
 BULGE_CELLS = 0.3
 """Least bulge of an arc, in resolution cells: the largest of a straight mirror."""
 
-SIGNIFICANT = 5.0
-"""Least curvature, in its standard errors."""
+SIGNIFICANT = 3.0
+"""Least curvature, in its standard errors: speckle bends one in four hundred straight walls as much."""
 
 GRAZING = 0.12
 """Cosine of the largest angle of incidence, 83 degrees: beyond it an arc is turned away from the radar."""
@@ -217,11 +223,11 @@ class _Arcs:
             fitted = self._on_centroids(arc)
             if fitted is None:
                 return None
-            circle, points, trust = fitted
+            circle, points, weight = fitted
             arc = circle.part(*np.sort(circle.along(ends)).tolist())
             if not self._plausible(arc):
                 return None
-        return self._with_errors(arc, points, trust)
+        return self._with_errors(arc, points, weight)
 
     def _proposed(self, free: Index) -> ArcMirror | None:
         """The most bent row of `free` echoes, as an arc; None if there is none."""
@@ -245,7 +251,7 @@ class _Arcs:
             if member.size < FEWEST:
                 return None, near
             across = self._across(arc, points[member])
-            middle, radius, _ = fitted_circle(points[member], self.weight[member] / across**2, arc.middle, arc.radius)
+            middle, radius = fitted_circle(points[member], self.weight[member] / across**2, arc.middle, arc.radius)
             if not 0.0 < radius < LARGEST_CELLS * np.median(self.view.cell(self.echoes.range[member])):
                 return None, member
             arc = arc_over(middle, radius, points[member], self.view.radar)
@@ -285,16 +291,18 @@ class _Arcs:
             # If the circle becomes straight, or bulges to the other side, the row is no arc.
             if fitted is None or (fitted[0].middle - facing.center) @ (facing.middle - facing.center) <= 0.0:
                 return []
-            circle, points, trust = fitted
+            circle, points, weight = fitted
             before = facing.ends
             arc = self._part_on_row(circle, before)
             if np.linalg.norm(arc.ends - before, axis=1).max() < SETTLED_CELLS * self.view.range_cell:
                 break
-        arc = self._with_errors(arc, points, trust)
+        arc = self._with_errors(arc, points, weight)
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
             return []
         # Two flat walls that touch in the image are no curved one: the likelier of the two is the one that fits better.
-        if np.sum(trust * arc.beside(points) ** 2) > kink_residual(*_by_chord(arc, points), trust):
+        beside = arc.beside(points)
+        trust = robust_weights(beside, weight, np.finfo(float).tiny)[1]
+        if np.sum(trust * beside**2) > kink_residual(*_by_chord(arc, points), trust):
             return []
         filled = self._filled(arc)
         return [] if filled is None else [filled]
@@ -307,14 +315,14 @@ class _Arcs:
         points, weight = self._centroids(arc)
         if not len(points):
             return None
-        middle, radius, trust = fitted_circle(points, weight, arc.middle, arc.radius)
+        middle, radius = fitted_circle(points, weight, arc.middle, arc.radius)
         straight = not 0.0 < radius < LARGEST_CELLS * self.view.cell_at(arc.center)
-        return None if straight else (replace(arc, middle=middle, radius=radius), points, trust)
+        return None if straight else (replace(arc, middle=middle, radius=radius), points, weight)
 
     def _centroids(self, arc: ArcMirror) -> tuple[Array, Array]:
         """Centroids of power across an arc (n, 2), and their weights (n,); none of them where there are too few."""
         points, weight = power_centroids(arc, self.view, *PROFILE)
-        enough = len(points) if len(points) >= 2 * FEWEST_BLOCKS else 0
+        enough = len(points) if len(points) >= 4 * FEWEST_BLOCKS else 0
         return points[:enough], weight[:enough]
 
     def _part_on_row(self, circle: ArcMirror, ends: Array) -> ArcMirror:
@@ -354,9 +362,9 @@ class _Arcs:
         row = along[self._row(whole, near, np.where(inside, 1.0, HARDLY))]
         return whole.part(min(float(row.min()), float(own.min())), max(float(row.max()), float(own.max())))
 
-    def _with_errors(self, arc: ArcMirror, points: Array, trust: Array) -> ArcMirror:
+    def _with_errors(self, arc: ArcMirror, points: Array, weight: Array) -> ArcMirror:
         """The arc with the standard errors of its offset, direction and curvature, from how much its blocks differ."""
         along, beside = arc.along(points) - 0.5 * arc.length, arc.beside(points)
         design = np.column_stack([np.ones_like(along), along, 0.5 * along**2])
-        variance = np.diag(block_covariance(design, beside, trust, along[:, None], arc.independent(self.view)))
+        variance = np.diag(fit_covariance(design, beside, weight, along[:, None], arc.independent(self.view)))
         return arc.with_errors(variance)

@@ -47,13 +47,11 @@ def arc_over(middle: Array, radius: float, points: Array, radar: Array) -> ArcMi
     return whole.part(float(along.min()), float(along.max()))
 
 
-def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float, Array]:
-    """The circle that fits points (n, 2) best, by weighted least squares from a first circle on.
+def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) -> tuple[Array, float]:
+    """The circle that fits points (n, 2) best, its center and radius, by weighted least squares from a first one on.
 
-    Cauchy weights keep outliers from moving it (see `fit.robust_weights`). Returns its center, its radius and these
-    weights (n,).
+    Cauchy weights keep outliers from moving it (see `fit.robust_weights`).
     """
-    trust = weight
     for _ in range(FITS):
         offset = points - middle
         away = np.linalg.norm(offset, axis=1)
@@ -62,7 +60,7 @@ def fitted_circle(points: Array, weight: Array, middle: Array, radius: float) ->
         design = np.column_stack([offset / away[:, None], np.ones(len(points))])
         step = weighted_fit(design, beside, trust)
         middle, radius = middle + step[:2], radius + float(step[2])
-    return middle, radius, trust
+    return middle, radius
 
 
 def proposed(points: Array, weight: Array, cells: Array, radar: Array, random: np.random.Generator) -> ArcMirror | None:

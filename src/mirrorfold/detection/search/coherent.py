@@ -222,17 +222,19 @@ def _improved(row: Row, mirror: LineMirror, view: ImageView, moved: Array) -> St
         residual = row.value - shifted @ _amplitudes(shifted, row.value, weight)[0]
         level = np.abs(row.value - residual)
         error = OWN_ERROR * level + LEAST_ERROR * np.sqrt(np.mean(level**2))
-        weight = 1.0 / (error * np.sqrt(1.0 + (np.abs(residual) / (2.0 * error)) ** 2))
+        trust = 1.0 / (1.0 + (np.abs(residual) / (2.0 * error)) ** 2)
+        weight = np.sqrt(trust) / error
         amplitude, solve = _amplitudes(shifted, row.value, weight)
         residual = row.value - shifted @ amplitude
         slopes = weight[:, None] * (change @ np.column_stack([amplitude, amplitude * row.places]))
         weighted = diags_array(weight) @ shifted
         slopes = slopes - weighted @ solve(weighted.conj().T @ slopes)
         slopes, left = (np.concatenate([part.real, part.imag]) for part in (slopes, weight * residual))
-        step = step + np.linalg.lstsq(slopes, left, rcond=None)[0]
-    covariance = block_covariance(
-        *(slopes, left, np.ones(len(left)), np.tile(row.along, 2)[:, None], mirror.independent(view))
-    )
+        last = np.linalg.lstsq(slopes, left, rcond=None)[0]
+        step = step + last
+    # A pixel that leaves more is trusted less; its pull grows by trust^2 on average over both directions of its plane.
+    along, trust = np.tile(row.along, 2)[:, None], np.tile(trust, 2)
+    covariance = block_covariance(slopes, left - slopes @ last, trust, along, mirror.independent(view))
     return State(moved + step, covariance, residual, weight)
 
 

@@ -26,9 +26,10 @@ FEWEST_PLACES = 4
 ROUNDS = 3
 """Number of iterations of a fit: each begins with the result of the one before."""
 
-BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 6
+BLOCK_CELLS, FEWEST_BLOCKS = 4.0, 3
 """Size of a block of a mirror in resolution cells, so large that the speckle of neighbouring blocks is nearly
-independent; and least number of blocks along a direction, from whose differences the standard errors follow."""
+independent; and least number of blocks along a direction for each parameter along it, an offset, an angle, or a
+curvature: if blocks are fewer, each is fitted so well by parameters of its own that it tells little of errors."""
 
 ROUNDING = 1e-9
 """Share of a block within which a position counts as on its border: far more than rounding errors."""
@@ -72,7 +73,7 @@ class Fit(NamedTuple):
     """A line or plane fitted to points.
 
     Its normal and center (d,), the robust standard deviation [m] of the points' distances from it, and the standard
-    errors of its offset [m] and angle [degree].
+    errors of its offset [m] and angle [degree]; of the two angles of a plane the larger error.
     """
 
     normal: Array
@@ -92,8 +93,10 @@ def robust(points: Array, weight: Array, independent: float) -> Fit:
         normal, center = flat(points, trust)
         beside = (points - center) @ normal
         deviation, trust = robust_weights(beside, weight, np.finfo(float).tiny)
-    tangents = np.linalg.svd(normal[None])[2][1:]
-    return Fit(normal, center, deviation, *_errors((points - center) @ tangents.T, beside, trust, independent))
+    along = (points - center) @ np.linalg.svd(normal[None])[2][1:].T
+    variance = fit_covariance(np.column_stack([np.ones(len(along)), along]), beside, weight, along, independent)
+    angle = np.sqrt(np.linalg.eigvalsh(variance[1:, 1:])[-1])
+    return Fit(normal, center, deviation, float(np.sqrt(variance[0, 0])), float(np.degrees(angle)))
 
 
 def robust_weights(beside: Array, weight: Array, least: float) -> tuple[float, Array]:
@@ -105,30 +108,42 @@ def robust_weights(beside: Array, weight: Array, least: float) -> tuple[float, A
     return deviation, weight / (1.0 + (beside / (2.0 * deviation)) ** 2)
 
 
-def _errors(along: Array, beside: Array, trust: Array, independent: float) -> tuple[float, float]:
-    """Standard errors of a fit's offset [m] and angle [degree]; of the two angles of a plane the larger error.
-
-    Points within a block of cells depend on each other, those of different blocks do not. So the errors follow from how
-    much the blocks differ (Liang and Zeger, Biometrika 73, 1986). They do not grow where neighbouring points stray to
-    opposite sides because a bright speckle between them draws both.
-    """
-    design = np.column_stack([np.ones(len(along)), along])
-    variance = block_covariance(design, beside, trust, along, independent)
-    return float(np.sqrt(variance[0, 0])), float(np.degrees(np.sqrt(np.linalg.eigvalsh(variance[1:, 1:])[-1])))
-
-
-def block_covariance(design: Array, beside: Array, trust: Array, along: Array, independent: float) -> Array:
-    """Covariance (p, p) of the parameters of a fit, from how much the blocks of a mirror differ.
+def fit_covariance(design: Array, beside: Array, weight: Array, along: Array, independent: float) -> Array:
+    """Covariance (p, p) of the parameters of a fit with Cauchy weights, from how much the blocks of a mirror differ.
 
     The columns of `design` (n, p) are the derivatives of the distances by these parameters, `beside` (n,) the
-    residuals, `trust` (n,) the weights, and `along` (n, d - 1) [m] the positions along the mirror. This is the sandwich
-    estimator, in which each block contributes the sum of its weighted residuals.
+    residuals, `weight` (n,) the weights without those of Cauchy, and `along` (n, d - 1) [m] the positions along the
+    mirror.
     """
-    block = blocks(along, cell_side(along, independent), BLOCK_CELLS, fewest=FEWEST_BLOCKS)
-    score = np.zeros((block.max() + 1, design.shape[1]))
-    np.add.at(score, block, (trust * beside)[:, None] * design)
-    bread = np.linalg.pinv(design.T @ (trust[:, None] * design))
-    return bread @ score.T @ score @ bread * len(score) / max(len(score) - design.shape[1], 1)
+    trust = robust_weights(beside, weight, np.finfo(float).tiny)[1]
+    # A point that moves away is trusted less: its pull grows less than its distance, and no more if that is large.
+    stiffness = trust * np.maximum(2.0 * trust / weight - 1.0, 0.0)
+    return block_covariance(design, trust * beside, stiffness, along, independent)
+
+
+def block_covariance(design: Array, pull: Array, stiffness: Array, along: Array, independent: float) -> Array:
+    """Covariance (p, p) of the parameters of a fit, from how much the blocks of a mirror differ.
+
+    The columns of `design` (n, p) are the derivatives of the residuals by these parameters, `pull` (n,) the weighted
+    residuals, which the fit balances, and `stiffness` (n,) the derivatives of these pulls by the residuals; `along` (n,
+    d - 1) [m] are the positions along the mirror.
+
+    Points within a block of cells depend on each other, those of different blocks do not. So without each block in
+    turn, how much do the parameters change? This is the jackknife (Efron and Stein, Ann. Stat. 9, 1981). It does not
+    grow where neighbouring points stray to opposite sides because a bright speckle between them draws both; and it does
+    where the line follows the blocks at its ends, which decide about the angle. From few blocks, little is known of how
+    much they differ: Student's distribution with v degrees of freedom has the variance v / (v - 2).
+    """
+    parameters, directions = design.shape[1], along.shape[1]
+    fewest = FEWEST_BLOCKS * (parameters + 1 - directions)  # an angle along each direction, and one common offset
+    block = blocks(along, cell_side(along, independent), BLOCK_CELLS, fewest=fewest)
+    count = int(block.max()) + 1
+    score, own = np.zeros((count, parameters)), np.zeros((count, parameters, parameters))
+    np.add.at(score, block, pull[:, None] * design)
+    np.add.at(own, block, (stiffness[:, None] * design)[:, :, None] * design[:, None])
+    change = np.linalg.pinv(own.sum(axis=0) - own, hermitian=True) @ score[..., None]
+    freedom = max(count - parameters, 3)
+    return np.asarray((change @ change.mT).sum(axis=0) * (count - 1) / count * freedom / (freedom - 2))
 
 
 def weighted_fit(design: Array, values: Array, weight: Array) -> Array:

@@ -19,7 +19,7 @@ from mirrorfold.common.geometry import turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
 from mirrorfold.detection.search.circles import arc_over
-from mirrorfold.detection.search.fit import KINK_SHARES, block_covariance, flat, robust_weights, weighted_fit
+from mirrorfold.detection.search.fit import KINK_SHARES, fit_covariance, flat, robust_weights, weighted_fit
 from mirrorfold.detection.views.image_view import ImageView
 
 SIGNIFICANT = 4.0
@@ -63,7 +63,7 @@ def fitted_together(halves: Halves, measured: tuple[Measured, Measured], view: I
         return None
     design = _slopes(lambda curve: beside(curve, points), curve, scale)
     place = (points - curve[:2]) @ np.array([np.cos(curve[2]), np.sin(curve[2])])
-    variance = block_covariance(design, off, trust, place[:, None], independent)
+    variance = fit_covariance(design, off, weight, place[:, None], independent)
     one, other = (_half(curve, i, halves[i], halves[i].ends[1 - meet[i]], variance, scale) for i in (0, 1))
     return one, other
 

@@ -21,7 +21,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes, strongest_of
 from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.mirrors.round_mirror import RoundMirror
-from mirrorfold.detection.search.arcs import BULGE_CELLS, SIGNIFICANT
+from mirrorfold.detection.search.arcs import BULGE_CELLS
 from mirrorfold.detection.search.circles import LARGEST_CELLS, REACH_CELLS, SMALLEST_CELLS
 from mirrorfold.detection.search.fit import robust_weights, weighted_fit
 from mirrorfold.detection.search.growing import NEAR, clipped_weight, drawn
@@ -55,6 +55,9 @@ LARGEST_DEVIATION, MOST_OFF = 0.6, 0.05
 is 0.32 to 0.45 for pillars and balls, because an echo is the mean of its cell, and 0.7 and more for bodies. And largest
 share of its beams whose brightest echo lies off the surface: 0.01 at most for pillars and balls, 0.09 and more for
 bodies."""
+
+SIGNIFICANT = 5.0
+"""Least curvature, in its standard errors."""
 
 GLINT = ratio_of(12.0)
 """Least amplitude of the glint of a mirror, relative to the median of its face: a surface that is smooth enough for a
