@@ -20,19 +20,10 @@ from mirrorfold.detection.views.image_view import OPAQUE_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import curved, evidence
 from mirrorfold.tree.assignment import Found, assign_echoes
-from mirrorfold.tree.curved import FEWEST_CELLS, candidates, find_curved, shows_new, without_bent
-from mirrorfold.tree.evidence import (
-    KNOWN_CELLS,
-    Evidence,
-    Steps,
-    agreeing,
-    behind,
-    evidence_of,
-    known_places,
-    with_rows,
-)
-from mirrorfold.tree.ordering import order_mirrors
-from mirrorfold.tree.rounds import find_tree, ordered_again
+from mirrorfold.tree.curved import FEWEST_CELLS, candidates, find_curved, shows_new
+from mirrorfold.tree.evidence import KNOWN_CELLS, Evidence, agreeing, behind, evidence_of, known_places, with_rows
+from mirrorfold.tree.ordering import order_mirrors, without_bent
+from mirrorfold.tree.rounds import find_tree
 
 SETTINGS = FoldSettings(minimum_length=0.1, wall_margin=0.0, opaque=False)
 
@@ -230,15 +221,17 @@ def test_what_curved_mirrors_show_is_no_row_of_another(view, monkeypatch):
 class Tried:
     """Steps 2 to 4 of the same echoes, whatever arcs are tried; what was asked."""
 
-    def __init__(self, view, places):
+    def __init__(self, view, places, monkeypatch):
         self.view, self.places, self.glanced, self.tried, self.through = view, places, [], [], []
         self.earlier = []
+        monkeypatch.setattr(evidence, "find_echoes", self.find_echoes)
+        monkeypatch.setattr(evidence, "ordered_again", self.ordered_again)
 
-    def find_echoes(self, *, through):
+    def find_echoes(self, view, *, threshold_db, through):
         self.through.append(list(through))
         return echoes_at(self.view, self.places)
 
-    def quick_pass(self, *, echoes, mirrors):
+    def ordered_again(self, view, echoes, mirrors, settings):
         self.glanced.append(list(mirrors))
         return found_with(self.view, list(mirrors), echoes.position)
 
@@ -248,31 +241,34 @@ class Tried:
         return found_with(self.view, list(besides), echoes.position)
 
 
-def curved_of(view, places, *proposed):
-    """What is found where those arcs are proposed in turn."""
-    tried, rounds = Tried(view, places), iter(proposed)
-    first = found_with(view, [], places)
-    steps = Steps(tried.find_echoes, tried.quick_pass, tried.full_pass)
-    enough = {"fewest": FEWEST_CELLS, "is_enough": shows_new}
-    return with_rows(first, view, steps, proposed=lambda found, view: next(rounds), **enough)[0], first, tried
+@pytest.fixture
+def curved_of(view, monkeypatch):
+    """What is found where some arcs are proposed in turn; what was found before, and what was tried."""
+
+    def found_of(places, *proposed):
+        tried, rounds, first = Tried(view, places, monkeypatch), iter(proposed), found_with(view, [], places)
+        enough = {"fewest": FEWEST_CELLS, "is_enough": shows_new, "proposed": lambda found, view: next(rounds)}
+        return with_rows(first, view, SETTINGS, tried.full_pass, **enough)[0], first, tried
+
+    return found_of
 
 
 ASIDE = replace(PILLAR, middle=np.array([0.9, 1.0]), first=np.pi - 0.6)
 """A pillar with nothing behind it."""
 
 
-def test_nothing_changes_where_no_arc_is_a_mirror(view):
-    found, first, steps = curved_of(view, SHOWN, [])
+def test_nothing_changes_where_no_arc_is_a_mirror(curved_of):
+    found, first, steps = curved_of(SHOWN, [])
     assert found is first
     assert not steps.through
     # Too little behind it: steps 2 to 4 are not even tried.
-    found, first, steps = curved_of(view, SHOWN[:2], [PILLAR])
+    found, first, steps = curved_of(SHOWN[:2], [PILLAR])
     assert found is first
     assert len(steps.through) == 1
     assert not steps.glanced
     # Enough behind it, but all of that is known: a glance tells.
     known = [*SHOWN, *fold_of([PILLAR], 2)(SHOWN)]
-    found, first, steps = curved_of(view, known, [PILLAR])
+    found, first, steps = curved_of(known, [PILLAR])
     assert found is first
     assert steps.glanced == [[PILLAR]]
     assert not steps.tried
@@ -280,30 +276,30 @@ def test_nothing_changes_where_no_arc_is_a_mirror(view):
 
 def test_what_is_new_at_a_glance_must_stay_when_copies_and_mixed_paths_are_left_out(view, monkeypatch):
     monkeypatch.setattr(curved, "candidates", lambda found, view: [PILLAR])
-    steps, first = Tried(view, SHOWN), found_with(view, [], SHOWN)
+    steps, first = Tried(view, SHOWN, monkeypatch), found_with(view, [], SHOWN)
 
     def again(*, echoes, besides, earlier):
         return found_with(view, list(besides), echoes.position[:2])
 
-    assert find_curved(first, view, Steps(steps.find_echoes, steps.quick_pass, again))[0] is first
+    assert find_curved(first, view, SETTINGS, again)[0] is first
     assert steps.glanced == [[PILLAR]]
 
 
-def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(view):
-    found, first, steps = curved_of(view, SHOWN, [PILLAR, ASIDE], [])
+def test_arcs_without_evidence_are_dropped_and_the_others_tried_again(curved_of):
+    found, first, steps = curved_of(SHOWN, [PILLAR, ASIDE], [])
     assert steps.tried == [[PILLAR]]
     assert steps.earlier == [first]
     assert [node.mirror for node in found.tree.walk()] == [None, PILLAR]
     assert steps.through[-1] == [PILLAR]
 
 
-def test_arcs_that_others_show_are_looked_for_once_more(view):
+def test_arcs_that_others_show_are_looked_for_once_more(curved_of):
     """In the second round those of the first are kept, and not proposed twice."""
     right = ArcMirror(middle=np.array([0.9, 1.2]), radius=0.3, first=np.pi - 0.5, span=np.pi, radar=np.zeros(2))
     unit = right.middle / np.linalg.norm(right.middle)
     places = [*SHOWN, *(distance * unit for distance in (1.8, 2.1, 2.4))]
     again = replace(PILLAR, middle=np.array([0.0, 1.31]))
-    found, _, steps = curved_of(view, places, [PILLAR], [again, right])
+    found, _, steps = curved_of(places, [PILLAR], [again, right])
     assert steps.tried == [[PILLAR], [PILLAR, right]]
     assert {node.mirror for node in found.tree.walk()} == {None, PILLAR, right}
 
@@ -324,8 +320,7 @@ def test_a_pillar_in_an_image_is_a_mirror_if_it_shows_what_is_hidden(monkeypatch
         (arc,) = candidates(flat, view)
         assert abs(arc.radius - 0.3) < 0.02
         again = partial(find_tree, view, settings=settings)
-        quick_pass = partial(ordered_again, view, settings=settings)
-        found = find_curved(flat, view, Steps(partial(find_echoes, view), quick_pass, again))[0]
+        found = find_curved(flat, view, settings, again)[0]
         assert [node.mirror.curved for node in found.tree.walk() if node.mirror is not None] == [True] * bent
         # It is proposed once more, and no row of what it shows is.
         assert all(overlap(one, arc) for one in candidates(found, view))

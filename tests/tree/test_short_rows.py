@@ -12,12 +12,11 @@ from synthetic import diffuse, radar_view, together
 import mirrorfold as mf
 from mirrorfold.detection.finding import find_echoes, usual_settings
 from mirrorfold.detection.mirrors.arc_mirror import ArcMirror
-from mirrorfold.detection.search.lines import MINIMUM_CELLS
+from mirrorfold.detection.search.lines import MINIMUM_CELLS, SHORT_CELLS
 from mirrorfold.folding.settings import FoldSettings
 from mirrorfold.tree import kinds
-from mirrorfold.tree.evidence import Steps
-from mirrorfold.tree.rounds import find_tree, ordered_again
-from mirrorfold.tree.short_rows import SHORTEST_CELLS, find_short, short_rows
+from mirrorfold.tree.rounds import find_tree
+from mirrorfold.tree.short_rows import find_short, short_rows
 
 CELL = 0.0318
 """Diagonal of the resolution cell at the wall, a metre away [m]."""
@@ -44,12 +43,9 @@ def steps_2_to_4(*parts, corners=None):
     view = radar_view(*together(*parts), noise=1e-3)
     echoes = find_echoes(view)
     settings = FoldSettings().completed(**usual_settings(view, echoes))
-    again = partial(find_tree, view, settings=settings)
-    quick_pass = partial(ordered_again, view, settings=settings)
-    steps = Steps(partial(find_echoes, view), quick_pass, again)
     first = find_tree(view, echoes, settings)
-    found, *_ = find_short(first, view, steps, minimum_length=settings.minimum_length, corners=corners)
-    return first, found, view, settings, steps
+    found, *_ = find_short(first, view, settings, partial(find_tree, view, settings=settings), corners=corners)
+    return first, found, view, settings
 
 
 def mirrors_of(found):
@@ -107,25 +103,25 @@ def test_a_row_that_ends_at_the_vertex_of_a_corner_is_no_mirror(is_corner):
 
 @pytest.mark.slow
 def test_a_row_that_is_shorter_still_is_none():
-    _, found, view, settings, _ = steps_2_to_4(wall(3.5), *objects(12.0))
+    _, found, view, settings = steps_2_to_4(wall(3.5), *objects(12.0))
     assert not mirrors_of(found)
     assert_allclose(settings.minimum_length, MINIMUM_CELLS * CELL, rtol=0.02)
-    assert not short_rows(found, view, SHORTEST_CELLS * CELL)
+    assert not short_rows(found, view, SHORT_CELLS * CELL)
 
 
 @pytest.mark.slow
 def test_a_long_wall_is_no_short_row_and_what_curved_mirrors_show_neither():
     first, found, view, *_ = steps_2_to_4(wall(14.0), *objects(12.0))
     assert found is first
-    assert not short_rows(found, view, SHORTEST_CELLS * CELL)
+    assert not short_rows(found, view, SHORT_CELLS * CELL)
     pillar = ArcMirror(middle=np.array([0.0, 0.8]), radius=0.2, first=np.pi, span=np.pi, radar=np.zeros(2))
     view = radar_view(*wall(7.0), noise=1e-3)
     echoes = find_echoes(view)
     settings = FoldSettings().completed(**usual_settings(view, echoes))
-    assert len(short_rows(find_tree(view, echoes, settings), view, SHORTEST_CELLS * CELL)) == 1
+    assert len(short_rows(find_tree(view, echoes, settings), view, SHORT_CELLS * CELL)) == 1
     bent = find_tree(view, echoes, settings, besides=[pillar])
     assert [line.curved for line in mirrors_of(bent)] == [True]
-    assert not short_rows(bent, view, SHORTEST_CELLS * CELL)
+    assert not short_rows(bent, view, SHORT_CELLS * CELL)
 
 
 @pytest.mark.slow

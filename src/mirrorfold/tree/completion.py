@@ -16,10 +16,9 @@ from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.search.coherent import trimmed
 from mirrorfold.detection.search.edge_on import edge_on
 from mirrorfold.detection.search.growing import lies_on
-from mirrorfold.detection.search.lines import MINIMUM_CELLS
+from mirrorfold.detection.search.lines import MINIMUM_CELLS, SHORT_CELLS
 from mirrorfold.detection.search.shadows import beyond_shadows, joined
 from mirrorfold.tree.ordering import Order
-from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 
 def completed(
@@ -48,5 +47,5 @@ def completed(
     whole = [trimmed(row, view) for row in joined(halves, view, sighted, clear, shortest)]
     direct = [mirror for mirror, before in zip(order.mirrors, order.parent, strict=True) if before == ROOT]
     seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
-    images = [row for row in halves if row.length >= SHORTEST_CELLS / MINIMUM_CELLS * shortest]
+    images = [row for row in halves if row.length >= SHORT_CELLS / MINIMUM_CELLS * shortest]
     return [*longer, *arcs, *whole, *edge_on(seen, images, view, echoes, shortest)]

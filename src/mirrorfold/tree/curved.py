@@ -8,7 +8,8 @@ folds to objects that are known, and of those a convex mirror shows a coarser pi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +17,11 @@ from mirrorfold.common.types import UNSEEN
 from mirrorfold.detection import Mirror, View, any_curved
 from mirrorfold.detection.finding import find_curved_rows
 from mirrorfold.detection.mirrors.mirror import faces
-from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.evidence import Evidence, Steps, with_rows
-from mirrorfold.tree.ordering import Order
+from mirrorfold.tree.assignment import Found, Pass
+from mirrorfold.tree.evidence import Evidence, with_rows
+
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
 
 FEWEST_CELLS = 3
 """Least number of resolution cells with echoes behind a mirror, and of those that fold to places not known before:
@@ -35,9 +38,11 @@ UNCONFIRMED_SHARE = 0.4
 more behind pillars of 10 cm radius, and 0.25 at most behind round objects in line of sight that show little new."""
 
 
-def find_curved(found: Found, view: View, steps: Steps) -> tuple[Found, list[Mirror], list[Mirror]]:
+def find_curved(
+    found: Found, view: View, settings: FoldSettings, full_pass: Pass
+) -> tuple[Found, list[Mirror], list[Mirror]]:
     """Steps 2 to 4 once more with curved mirrors: the result, the mirrors, and the rejected rows, see `with_rows`."""
-    return with_rows(found, view, steps, proposed=candidates, fewest=FEWEST_CELLS, is_enough=shows_new)
+    return with_rows(found, view, settings, full_pass, proposed=candidates, fewest=FEWEST_CELLS, is_enough=shows_new)
 
 
 def shows_new(seen: Evidence) -> bool:
@@ -63,13 +68,3 @@ def candidates(found: Found, view: View) -> Sequence[Mirror]:
     own[face >= 0] = sight.parent[numbers[face[face >= 0]]]
     own[np.isin(own, [index for index, way in sight.ways.items() if any_curved(way)])] = UNSEEN
     return find_curved_rows(view, echoes, own)
-
-
-def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> Order:
-    """The order without the mirrors that are seen by way of a curved one; `ordered` orders the others anew.
-
-    A curved mirror shows no straight line as straight. So a straight row of echoes behind it is no image of a wall.
-    """
-    bent = [any_curved(order.way(index)[:-1]) for index in range(len(order.mirrors))]
-    kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]
-    return ordered(kept) if any(bent) else order

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import compress
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -20,9 +20,14 @@ from scipy.spatial import cKDTree
 from mirrorfold.common.geometry import unit
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, Mirror, View, fold_of
+from mirrorfold.detection.finding import find_echoes
 from mirrorfold.detection.mirrors.curved import growth_over, overlap
 from mirrorfold.detection.mirrors.mirror import turns
 from mirrorfold.tree.assignment import Found, Pass
+from mirrorfold.tree.rounds import ordered_again
+
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
 
 KNOWN_CELLS = 1.5
 """An echo that folds to within this distance of a known place shows that place and is not new. The distance is in
@@ -42,7 +47,6 @@ ROUNDING = 1e-9
 
 MOST_EMPTY = 0.3
 """Largest share of the cells behind a mirror that may fold to places that the radar sees to be empty."""
-
 
 EvidenceSelector = Callable[[View, Echoes, Mirror], Mask]
 """Which echoes are evidence for a row, (n,)."""
@@ -99,26 +103,6 @@ class Evidence:
         return self.empty <= MOST_EMPTY
 
 
-class Steps(NamedTuple):
-    """How rows are tried as mirrors.
-
-    Attributes
-    ----------
-    find_echoes : callable (through=mirrors)
-        Finds the echoes of the image, with a threshold that is lowered behind mirrors by as much as these dim echoes.
-    quick_pass : callable (echoes=..., mirrors=...)
-        Steps 3 and 4 with these mirrors, see `mirrorfold.tree.rounds.ordered_again`. It takes a twentieth of the time
-        of `full_pass` and omits all tests of echoes. Echoes that fail those tests can only add to what seems new behind
-        a row: if too little is new even with them, the row is no mirror.
-    full_pass : callable (echoes=..., besides=mirrors)
-        Steps 2 to 4, see `Pass`.
-    """
-
-    find_echoes: Callable[..., Echoes]
-    quick_pass: Callable[..., Found]
-    full_pass: Pass
-
-
 def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
     """Strong echoes farther behind a row than an object is deep, (n,)."""
     crossing = row.crossing(view)[echoes.direction]
@@ -128,7 +112,8 @@ def behind(view: View, echoes: Echoes, row: Mirror) -> Mask:
 def with_rows(
     found: Found,
     view: View,
-    steps: Steps,
+    settings: FoldSettings,
+    full_pass: Pass,
     *,
     proposed: Callable[[Found, View], Sequence[Mirror]],
     fewest: int,
@@ -146,7 +131,7 @@ def with_rows(
     ----------
     found : Found
         The result without these rows.
-    view, steps
+    view, settings, full_pass
     proposed : callable
         Returns rows that may be mirrors, from what is found so far.
     fewest : int
@@ -165,19 +150,22 @@ def with_rows(
     """
     proved, every_row, first = list[Mirror](), list[Mirror](), found
     # The echoes depend on the curved mirrors alone, since flat ones dim nothing.
-    find_echoes = lru_cache(1)(lambda *curved: steps.find_echoes(through=curved))
+    echoes_through = lru_cache(1)(lambda *curved: find_echoes(view, threshold_db=settings.threshold_db, through=curved))
 
     def kept_of(trial: Sequence[Mirror]) -> tuple[list[Mirror], Found]:
         """Those of the rows whose evidence is enough if all are mirrors, and the result of steps 2 to 4 with them."""
         every = [*besides, *trial]
-        echoes = find_echoes(*(mirror for mirror in every if mirror.curved))
+        echoes = echoes_through(*(mirror for mirror in every if mirror.curved))
         kept = [row for row in trial if view.filled_cells(echoes.position[selected(view, echoes, row)]) >= fewest]
         if len(kept) < len(trial):
             return kept, found
         places = known_places(first, view, every)
-        quick_pass = partial(steps.quick_pass, mirrors=[*_flat_besides(found, every, view), *every])
-        for run, is_full in ((quick_pass, False), (partial(steps.full_pass, besides=every, earlier=first), True)):
-            tried = run(echoes=echoes)
+        # Without tests of echoes, a pass takes a twentieth of the time. Echoes that fail the tests can only add to what
+        # seems new behind a row: if too little is new even with them, the row is no mirror.
+        quick = partial(ordered_again, view, echoes, [*_flat_besides(found, every, view), *every], settings)
+        full = partial(full_pass, echoes=echoes, besides=every, earlier=first)
+        for run, is_full in ((quick, False), (full, True)):
+            tried = run()
             seen = agreeing([evidence_of(tried, view, row, places, selected) for row in trial], view)
             convincing = (one.cells >= fewest and is_enough(one) and (one.possible or not is_full) for one in seen)
             kept = list(compress(trial, convincing))

@@ -15,16 +15,14 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View
-from mirrorfold.detection.finding import find_echoes
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.curved import find_curved
-from mirrorfold.tree.evidence import Steps
 from mirrorfold.tree.explaining.explained_by_tree import without_explained
 from mirrorfold.tree.half_transparent.guessed import guess_transparent
 from mirrorfold.tree.half_transparent.transparent import find_transparent, with_doubts
 from mirrorfold.tree.lines_by_waves import with_lines_by_waves
 from mirrorfold.tree.measured import Measured
-from mirrorfold.tree.rounds import find_tree, ordered_again
+from mirrorfold.tree.rounds import find_tree
 from mirrorfold.tree.short_rows import find_short
 
 if TYPE_CHECKING:
@@ -65,17 +63,10 @@ def find_every_kind(
     if known is not None or settings.published:
         return with_doubts(found, view, both) if both else found
     if not found.transparent_walls:
-        steps = Steps(
-            find_echoes=partial(find_echoes, view, threshold_db=settings.threshold_db),
-            quick_pass=partial(ordered_again, view, settings=settings),
-            full_pass=full_pass,
-        )
         if settings.curved:
-            found, rows, rejected = find_curved(found, view, steps)
+            found, rows, rejected = find_curved(found, view, settings, full_pass)
         if short and isinstance(view, ImageView):
-            shortest = settings.minimum_length or 0.0
-            corners = measured.corners
-            found, rows = find_short(found, view, steps, minimum_length=shortest, corners=corners, besides=rows)
+            found, rows = find_short(found, view, settings, full_pass, corners=measured.corners, besides=rows)
         # Short and curved walls are half-transparent as often as other walls.
         if both and rows:
             found = find_transparent(found, view, both, echoes, full_pass=partial(full_pass, besides=rows))

@@ -17,7 +17,7 @@ import numpy as np
 
 from mirrorfold.common.stopping import go_on
 from mirrorfold.common.types import ROOT, UNSEEN, Array, Index, Mask
-from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror, View
+from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror, View, any_curved
 from mirrorfold.detection.echoes import brightest_of, reference_echo
 from mirrorfold.detection.mirrors.curved import dimming
 from mirrorfold.detection.mirrors.mirror import faces
@@ -127,6 +127,16 @@ def order_mirrors(
             kept = [mirror for mirror, deeper in zip(found.mirrors, before, strict=True) if deeper < 0]
             found = _ordered(kept, view, echoes, settings, walls)
     return found
+
+
+def without_bent(order: Order, ordered: Callable[[Sequence[Mirror]], Order]) -> Order:
+    """The order without the mirrors that are seen by way of a curved one; `ordered` orders the others anew.
+
+    A curved mirror shows no straight line as straight. So a straight row of echoes behind it is no image of a wall.
+    """
+    bent = [any_curved(order.way(index)[:-1]) for index in range(len(order.mirrors))]
+    kept = [mirror for mirror, is_bent in zip(order.mirrors, bent, strict=True) if not is_bent]
+    return ordered(kept) if any(bent) else order
 
 
 def _ordered(

@@ -23,7 +23,6 @@ from mirrorfold.detection.mirrors.curved import on_rows
 from mirrorfold.detection.search.coherent import doubtful_rows
 from mirrorfold.tree.assignment import AT_EDGE, ITSELF, Found, assign_echoes, at_edges, radar_itself
 from mirrorfold.tree.completion import completed
-from mirrorfold.tree.curved import without_bent
 from mirrorfold.tree.explaining.copies import COPY, copies
 from mirrorfold.tree.explaining.corners import row_crossings
 from mirrorfold.tree.explaining.directions import NEAREST_LENGTHS
@@ -33,7 +32,7 @@ from mirrorfold.tree.explaining.misplaced import LATE, MIXED
 from mirrorfold.tree.explaining.rough_walls import SCATTERED, scattered
 from mirrorfold.tree.explaining.short_cuts import SHORT_CUT, short_cuts
 from mirrorfold.tree.measured import Measured
-from mirrorfold.tree.ordering import Order, order_mirrors
+from mirrorfold.tree.ordering import Order, order_mirrors, without_bent
 
 if TYPE_CHECKING:
     from mirrorfold.folding.settings import FoldSettings

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,14 +21,14 @@ from mirrorfold.common.types import ROOT, UNSEEN, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, View, any_curved
 from mirrorfold.detection.mirrors.mirror import faces
 from mirrorfold.detection.search.arcs import SMALLEST_FILL
-from mirrorfold.detection.search.lines import MINIMUM_CELLS, find_lines
-from mirrorfold.tree.assignment import Found
-from mirrorfold.tree.evidence import Steps, behind, with_rows
+from mirrorfold.detection.search.lines import MINIMUM_CELLS, SHORT_CELLS, find_lines
+from mirrorfold.tree.assignment import Found, Pass
+from mirrorfold.tree.evidence import behind, with_rows
 from mirrorfold.tree.explaining.corners import Corners, bright_places
 from mirrorfold.tree.lines_of_sight import OUTSHINES_DB
 
-SHORTEST_CELLS = 5.0
-"""Least length of such a row, in resolution cells, about that of an arc. Other mirrors must have `MINIMUM_CELLS`."""
+if TYPE_CHECKING:
+    from mirrorfold.folding.settings import FoldSettings
 
 FEWEST = 2
 """Least number of echoes, a resolution cell apart, that outshine a row: one alone may be seen past the row's end."""
@@ -36,20 +37,22 @@ FEWEST = 2
 def find_short(
     found: Found,
     view: ImageView,
-    steps: Steps,
+    settings: FoldSettings,
+    full_pass: Pass,
     *,
-    minimum_length: float,
     corners: Corners | None = None,
     besides: Sequence[Mirror] = (),
 ) -> tuple[Found, list[Mirror]]:
     """Steps 2 to 4 once more with short mirrors: the result, and the mirrors with those of `besides`.
 
     `found` is the result so far. It holds `besides`, mirrors that steps 2 to 4 do not find by themselves, such as
-    curved ones. `minimum_length` [m] is that of mirrors that are found by their own echoes, and `corners` tells which
-    places (n, 2) [m] of the image are vertices of corners, (n,).
+    curved ones. `corners` tells which places (n, 2) [m] of the image are vertices of corners, (n,).
     """
-    proposed = partial(short_rows, shortest=SHORTEST_CELLS / MINIMUM_CELLS * minimum_length, corners=corners)
-    return with_rows(found, view, steps, proposed=proposed, fewest=FEWEST, selected=outshining, besides=besides)[:2]
+    shortest = SHORT_CELLS / MINIMUM_CELLS * (settings.minimum_length or 0.0)
+    return with_rows(
+        *(found, view, settings, full_pass), proposed=partial(short_rows, shortest=shortest, corners=corners),
+        fewest=FEWEST, selected=outshining, besides=besides,
+    )[:2]  # fmt: skip
 
 
 def outshining(view: View, echoes: Echoes, row: Mirror) -> Mask:
@@ -83,7 +86,7 @@ def short_rows(found: Found, view: ImageView, shortest: float, corners: Corners 
             rows += find_lines(some, view, minimum_length=shortest)
             if index == ROOT:  # faint rows, as long as other mirrors
                 some = replace(some, strong=np.ones(len(some), dtype=bool))
-                rows += find_lines(some, view, minimum_length=MINIMUM_CELLS / SHORTEST_CELLS * shortest)
+                rows += find_lines(some, view, minimum_length=MINIMUM_CELLS / SHORT_CELLS * shortest)
     rows = [row for row in rows if row.fill >= SMALLEST_FILL]
     vertex = bright_places(rows, view)
     if corners is not None and len(vertex):

@@ -33,6 +33,10 @@ from mirrorfold.detection.views.image_view import ImageView
 MINIMUM_CELLS = 7.75
 """Least length of a mirror, in resolution cells: a shorter row of echoes says too little about its direction."""
 
+SHORT_CELLS = 5.0
+"""Least length, in resolution cells, of a row that is a mirror only if what stands behind it outshines it, about that
+of an arc; see `mirrorfold.tree.short_rows`."""
+
 STRONG_SHARE = 0.65
 """Share of the least length, five cells, that strong echoes must cover if faint ones continue the row: beside a smooth,
 bright object, half of a wall may lie below the threshold."""

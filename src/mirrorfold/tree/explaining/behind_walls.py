@@ -16,11 +16,10 @@ from mirrorfold.common.types import ROOT, Array, Chain, Mask
 from mirrorfold.detection import ArcMirror, Echoes, ImageView, LineMirror, Mirror, View, any_curved, fold_of
 from mirrorfold.detection.finding import NEAREST
 from mirrorfold.detection.mirrors.curved import growth_over
-from mirrorfold.detection.search.lines import find_lines
+from mirrorfold.detection.search.lines import SHORT_CELLS, find_lines
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.true_walls import BEYOND
 from mirrorfold.tree.lines_of_sight import LinesOfSight
-from mirrorfold.tree.short_rows import SHORTEST_CELLS
 
 BEHIND = "would stand behind a wall"
 
@@ -56,7 +55,7 @@ def flat_objects(found: Found, view: ImageView) -> dict[Chain, tuple[Mirror, ...
     A flat object that is too short for a mirror lets no wave pass, either. In a volume there are none.
     """
     objects = found.tree.objects
-    shortest = SHORTEST_CELLS * float(view.cell(objects.range_up_to(NEAREST)))
+    shortest = SHORT_CELLS * float(view.cell(objects.range_up_to(NEAREST)))
     return {(-1 - i,): (row,) for i, row in enumerate(find_lines(objects, view, minimum_length=shortest))}
 
 
