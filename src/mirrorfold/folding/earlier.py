@@ -78,7 +78,7 @@ def known_overhangs(reconstruction: xr.DataTree) -> Overhangs:
     """How far [m] beyond their ends lines of sight meet the mirrors of a Reconstruction, as far as it is known."""
     mirrors = _table(reconstruction, "mirrors")
     if any(name not in mirrors for name in OVERHANG_COLUMNS):
-        return Overhangs.nothing()
+        return Overhangs()
     ends = [np.column_stack([mirrors[f"{axis}{end}"] for axis in "xy"]) for end in (0, 1)]
     # In a recording, mirrors of frames without overhangs have NaN.
     lengths = np.concatenate([mirrors[name].values for name in OVERHANG_COLUMNS])

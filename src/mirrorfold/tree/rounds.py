@@ -81,7 +81,7 @@ def find_tree(
     if known is not None and not len(known):  # where an empty list of mirrors is given, the image stays as it is
         settings = replace(settings, copies=False)
     find = partial(found_and_ordered, settings=settings, known=known, besides=besides)
-    reasons, overhangs = _Reasons(echoes), Overhangs.nothing()
+    reasons, overhangs = _Reasons(echoes), Overhangs()
     if earlier is not None:
         reasons.recall(earlier, besides)
         view = _informed(view, reasons)
@@ -271,7 +271,7 @@ def found_and_ordered(
     overhangs: Overhangs | None = None,
 ) -> Order:
     """Steps 2 and 3, each once; for the arguments see `find_tree`."""
-    overhangs = overhangs or Overhangs.nothing()
+    overhangs = overhangs or Overhangs()
     ordered = partial(order_mirrors, view=view, echoes=echoes, settings=settings, walls=walls)
     rows = echoes.take(~on_rows(besides, view, echoes))
     shortest, tested = settings.minimum_length, not settings.published

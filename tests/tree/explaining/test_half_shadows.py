@@ -83,7 +83,7 @@ def test_what_stands_behind_is_not_seen_in_the_mirror(behind, monkeypatch):
     mirrors = result["mirrors"].to_dataset()
     beyond = np.minimum(mirrors["beyond_start"], mirrors["beyond_end"]).values
     assert (beyond < -0.005).tolist() == (np.abs(mirrors["y0"] - 0.165) < 0.03).values.tolist()
-    monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Overhangs.nothing())
+    monkeypatch.setattr("mirrorfold.tree.measured.half_shadows", lambda *given, **named: Overhangs())
     # By the middle of the array alone.
     assert any("/" in chain for chain in chains(mf.fold(image, sweep=sweep)))
 
@@ -93,7 +93,7 @@ def test_what_another_mirror_shows_past_the_end_tells_of_it_as_well(screen):
     places, amplitude = diffuse(np.array([0.44, 0.91]), np.array([0.46, 0.89]), 1, spacing=1e-3)
     sweep = sweep_of(screen, (places, 3.0 * amplitude, ~meets(places)))
     view = see(mf.focus(sweep, **PIXELS))
-    echoes, waves, known, overhangs = find_echoes(view), SweepWaves(sweep), {}, Overhangs.nothing()
+    echoes, waves, known, overhangs = find_echoes(view), SweepWaves(sweep), {}, Overhangs()
     settings = FoldSettings().completed(**usual_settings(view, echoes))
     door = LineMirror(np.array([-0.10, 0.88]), np.array([0.50, 0.60]))
     for ordered in range(3):

@@ -11,7 +11,8 @@ beyond its end (negative: before its end) up to which lines of sight are taken t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,25 +45,15 @@ waves over one zone, which blurs a half-shadow of few zones."""
 Known = dict[tuple[float, ...], float]
 
 
-@dataclass(frozen=True)
-class Overhangs:
+class Overhangs(NamedTuple):
     """Lengths beyond the ends of mirrors up to which lines of sight meet these, for the ends where they are known.
 
-    Attributes
-    ----------
-    end : (n, 2) array [m]
-        Those ends of mirrors, in the image.
-    length : (n,) array [m]
-        The overhang at each end: beyond it, or before it if negative.
+    The `end` (n, 2) [m] is that of a mirror in the image, and `length` (n,) [m] the overhang there: beyond that end, or
+    before it if negative.
     """
 
-    end: Array
-    length: Array
-
-    @classmethod
-    def nothing(cls) -> Overhangs:
-        """No overhang is known."""
-        return cls(np.empty((0, 2)), np.empty(0))
+    end: Array = np.empty((0, 2))
+    length: Array = np.empty(0)
 
     def same(self, other: Overhangs) -> bool:
         """Whether both hold the same ends and lengths."""
@@ -88,13 +79,12 @@ def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) 
     this call are added.
     """
     view = order.view
-    overhangs = Overhangs.nothing()
     if not isinstance(view, ImageView) or min(len(side.position) for side in waves.apertures) < 2:
-        return overhangs
+        return Overhangs()
     asked = np.zeros(len(echoes), dtype=bool)
     seen = np.flatnonzero(echoes.visible & echoes.strong)
     asked[seen[view.brightest(echoes.position[seen], echoes.amplitude[seen])]] = True
-    ends, lengths = [overhangs.end], [overhangs.length]
+    ends, lengths = [np.empty((0, 2))], list[float]()
     for index, mirror in enumerate(order.mirrors):
         if not isinstance(mirror, LineMirror):
             continue
@@ -109,8 +99,8 @@ def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) 
             length = max(_overhang(outside, excess > 0.0, reach), -0.5 * mirror.size)
             if length != 0.0:
                 ends.append(end[None])
-                lengths.append(np.array([length]))
-    return Overhangs(np.concatenate(ends), np.concatenate(lengths))
+                lengths.append(length)
+    return Overhangs(np.concatenate(ends), np.array(lengths))
 
 
 def _beyond(start: Array, places: Array, end: Array, outward: Array) -> Array:
