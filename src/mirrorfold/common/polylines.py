@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mirrorfold.common.geometry import cross2
+from mirrorfold.common.statistics import consecutive
 from mirrorfold.common.types import Array, Index
 
 PAIRS_AT_ONCE = 1_000_000
@@ -49,8 +50,7 @@ def meets_itself(points: Array) -> Array | None:
     while first < len(order):
         last = max(first + 1, int(np.searchsorted(np.cumsum(later[first:]), PAIRS_AT_ONCE)) + first)
         one = np.repeat(np.arange(first, last), later[first:last])
-        begin = np.repeat(np.cumsum(later[first:last]) - later[first:last], later[first:last])
-        other = one + 1 + np.arange(one.size) - begin
+        other = one + consecutive(1, later[first:last])
         place = _crossing(points, order[one], order[other])
         if place is not None:
             return place

@@ -1,10 +1,10 @@
-"""What a row of numbers tells at a glance: its step, and how far its errors spread."""
+"""Rows of numbers: their step, how far their errors spread, and runs of consecutive ones."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mirrorfold.common.types import Array
+from mirrorfold.common.types import Array, Index
 
 SIGMA_PER_MEDIAN = 1.4826
 """Standard deviation of normally distributed errors over the median of their absolute values."""
@@ -23,6 +23,11 @@ def in_equal_steps(axis: Array) -> bool:
 def mean_step(axis: Array) -> float:
     """Mean difference of neighbouring values (n,), in their unit; zero for a single one."""
     return float(axis[-1] - axis[0]) / max(axis.size - 1, 1)
+
+
+def consecutive(first: Index | int, count: Index) -> Index:
+    """Runs of `count` (n,) whole numbers each, that begin with `first` (n,), one run after the other."""
+    return np.arange(count.sum()) + np.repeat(first - np.cumsum(count) + count, count)
 
 
 def robust_deviation(error: Array) -> float:

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from mirrorfold.common.chains import chain_name
 from mirrorfold.common.decibels import ratio_of
+from mirrorfold.common.statistics import consecutive
 from mirrorfold.common.types import Array, Index
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.image_echoes import FAINT_DB
@@ -66,8 +67,7 @@ def close_gaps(points: Points, tree: MirrorTree, view: ImageView) -> Points:
     first, second, pieces = first[bright], second[bright], np.ceil(apart[bright] / STEP_CELLS).astype(np.intp)
 
     gap = np.repeat(np.arange(len(pieces)), pieces - 1)
-    piece = np.arange(len(gap)) - (np.cumsum(pieces - 1) - pieces)[gap]
-    first, second, share = first[gap], second[gap], (piece / pieces[gap])[:, None]
+    first, second, share = first[gap], second[gap], (consecutive(1, pieces - 1) / pieces[gap])[:, None]
     new = points.take(np.where(share[:, 0] < 0.5, first, second))
     straight = (1.0 - share) * points.initial[first] + share * points.initial[second]
     initial = _on_surface(straight, points, cells, view)

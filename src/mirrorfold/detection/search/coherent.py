@@ -23,6 +23,7 @@ from scipy.sparse import csc_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
 from mirrorfold.common.geometry import unit
+from mirrorfold.common.statistics import consecutive
 from mirrorfold.common.types import Array, Complex, Index
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import Mirror
@@ -247,8 +248,7 @@ def responses(row: Row, mirror: LineMirror, view: ImageView, moved: Array) -> cs
     reach = REACH_CELLS * mirror.section(view, row.pixel)
     first, end = (np.searchsorted(row.places, row.along + side * reach) for side in (-1.0, 1.0))
     count = end - first
-    pixel = np.repeat(np.arange(count.size), count)
-    point = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - first, count)
+    pixel, point = np.repeat(np.arange(count.size), count), consecutive(first, count)
     response = view.waves.response(row.pixel, points, pixel, point)
     return csc_array((response, (pixel, point)), shape=(len(row.pixel), len(points)))
 

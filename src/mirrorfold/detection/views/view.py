@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
-from mirrorfold.common.statistics import in_equal_steps
+from mirrorfold.common.statistics import consecutive, in_equal_steps
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.common.windows import cell_of
 from mirrorfold.detection.echoes import Echoes, strongest_of
@@ -190,8 +190,8 @@ class View(ABC):
             reach = np.maximum(np.asarray(aside) / step, 0.5)
             first, last = (np.clip(np.ceil(edge), 0, size).astype(np.intp) for edge in (at - reach, at + reach))
             count = (last - first)[row]
-            begin = np.repeat(np.cumsum(count) - count - first[row], count)
-            row, direction = np.repeat(row, count), np.repeat(direction * size, count) + np.arange(count.sum()) - begin
+            direction = np.repeat(direction * size, count) + consecutive(first[row], count)
+            row = np.repeat(row, count)
         return row, direction
 
     def beside(self, range_: Array, direction: Index, share: float = 1.0) -> tuple[Index, ...]:

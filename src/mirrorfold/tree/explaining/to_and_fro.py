@@ -24,6 +24,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial import cKDTree
 
 from mirrorfold.common.decibels import ratio_of
+from mirrorfold.common.statistics import consecutive
 from mirrorfold.common.types import ROOT, Array, Chain, Index, Mask
 from mirrorfold.detection import Echoes, ImageView, Mirror, any_curved
 from mirrorfold.tree.assignment import Found
@@ -163,9 +164,7 @@ def _behind(
     row, covered = view.within(seen[shown], view.covered_angle)
     order = np.argsort(echoes.direction)
     first, last = (np.searchsorted(echoes.direction, covered, side, order) for side in ("left", "right"))
-    count = last - first
-    place = np.repeat(shown[row], count)
-    later = order[np.arange(count.sum()) + np.repeat(last - np.cumsum(count), count)]
+    place, later = np.repeat(shown[row], last - first), order[consecutive(first, last - first)]
     behind = echoes.range[later] - range_[place]
     kept = behind > RESOLVED_CELLS * view.range_cell
     return place[kept], later[kept], behind[kept]
@@ -183,8 +182,7 @@ def _face(echoes: Echoes, view: ImageView) -> tuple[Array, Array]:
     graph = coo_array((np.maximum(apart, np.finfo(float).tiny), pairs), shape=(len(cells), len(cells)))
     link = minimum_spanning_tree(graph.tocsr()).tocoo()
     count = np.maximum(np.ceil(2.0 * link.data).astype(int) - 1, 0)
-    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1
-    share = (step / np.repeat(count + 1, count))[:, None]
+    share = (consecutive(1, count) / np.repeat(count + 1, count))[:, None]
     one, other = np.repeat(link.row, count), np.repeat(link.col, count)
     between = (1.0 - share) * echoes.position[one] + share * echoes.position[other]
     return np.concatenate([echoes.position, between]), np.append(level, np.maximum(level[one], level[other]))
