@@ -13,10 +13,5 @@ __all__ = ["PRESETS", "FoldSettings", "Points", "collect", "fold_back"]
 
 # Settings can be read without the compiled kernels of other modules.
 __getattr__, __dir__ = lazy(
-    __name__,
-    {
-        "collection": ("collect",),
-        "points": ("Points", "fold_back"),
-        "settings": ("PRESETS", "FoldSettings"),
-    },
+    __name__, {"collection": ("collect",), "points": ("Points", "fold_back"), "settings": ("PRESETS", "FoldSettings")}
 )

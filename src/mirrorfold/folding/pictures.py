@@ -100,12 +100,7 @@ def _passed_pixels(points: Points, view: View, grid: Grid) -> NDArray[np.float32
 
 
 def draw(
-    sight: LinesOfSight,
-    wall_margin: float,
-    grid: Grid,
-    blobs: NDArray[np.int16],
-    *,
-    strongest: bool = False,
+    sight: LinesOfSight, wall_margin: float, grid: Grid, blobs: NDArray[np.int16], *, strongest: bool = False
 ) -> NDArray[np.float32]:
     """Normalised amplitude of the true scene on a regular grid, (y, x) or (z, y, x).
 

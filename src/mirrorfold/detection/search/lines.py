@@ -16,12 +16,7 @@ from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.coherent import trimmed
-from mirrorfold.detection.search.fit import (
-    FEWEST_PLACES,
-    power_centroids,
-    refined,
-    split_in_two,
-)
+from mirrorfold.detection.search.fit import FEWEST_PLACES, power_centroids, refined, split_in_two
 from mirrorfold.detection.search.fronts import Front, find_front
 from mirrorfold.detection.search.growing import NEAR, Search
 from mirrorfold.detection.search.remembered import remembered
