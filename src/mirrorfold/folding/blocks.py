@@ -34,14 +34,8 @@ block."""
 class Blocks(NamedTuple):
     """Blocks of pixels, and upper bounds of the amplitudes that each map may draw in them.
 
-    Attributes
-    ----------
-    size : tuple of int
-        Pixels of a block along y, x and z.
-    bound : (y, maps, x, z) array
-        Upper bound of the amplitude that each map may draw in each block; zero where it draws nothing.
-    order : (y, maps, x, z) array of int
-        Indices of the blocks along z, from the largest bound to the smallest.
+    A block has `size` pixels along y, x and z. The `bound` (y, maps, x, z) is zero where a map draws nothing, and
+    `order` (y, maps, x, z) numbers the blocks along z from the largest bound to the smallest.
     """
 
     size: tuple[int, int, int]

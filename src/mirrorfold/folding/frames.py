@@ -135,17 +135,11 @@ def each_frame(
     progress: Progress | None,
     **beside: Any,
 ) -> xr.DataTree:
-    """The Reconstruction of a recording, made frame by frame.
+    """The Reconstruction of a recording (a sweep, an image or a Reconstruction with frames), made frame by frame.
 
-    Parameters
-    ----------
-    recording : xarray.Dataset, xarray.DataArray or xarray.DataTree
-        A sweep, an image or a Reconstruction with frames. Coordinates over the frames, such as `time`, are kept.
-    work : callable
-        Makes the Reconstruction of one frame. It also gets the same frame of each object in `beside`, by name.
-    finished : mutable mapping of int to xarray.DataTree, optional
-        Each frame is stored here as soon as it is done, and taken from here if it is there already.
-    progress : callable (done, total), optional
+    The function `work` makes that of one frame, from this frame of the recording and of each object `beside` it, by
+    name. If frames are to be kept in `finished`, each is stored there as soon as it is done, and taken from there if it
+    is there already. Coordinates over the frames, such as `time`, are kept.
     """
     count = frame_count(recording)
     if not count:

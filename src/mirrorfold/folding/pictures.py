@@ -152,18 +152,11 @@ def draw(
 class _Samples(NamedTuple):
     """The samples of a view as the kernels look them up: an image is a volume with one row of directions.
 
-    Attributes
-    ----------
-    by_direction : (directions, ranges) array
-        Amplitude before `gain` is applied.
-    amplitude : (columns, rows, ranges) array
-        The same along both axes of directions. The row of an image is there twice, to interpolate between.
-    gain : (ranges,) array
-        Factors that undo the spreading with range.
-    frame : (d, d) array
-        Unit vectors of the radar's own frame.
-    grid : (3, 4) array
-        First value, step, and lowest and highest value of both angles and the range, see `draw_row`.
+    Their amplitudes, not yet multiplied by the `gain` (ranges,) that undoes the spreading with range, are held
+    `by_direction` (directions, ranges), and as `amplitude` (columns, rows, ranges) along both axes of directions; the
+    row of an image is there twice, to interpolate between. The `frame` (d, d) holds the unit vectors of the radar's own
+    frame, and the `grid` (3, 4) first value, step, and lowest and highest value of both angles and the range, see
+    `draw_row`.
     """
 
     by_direction: NDArray[np.float32]

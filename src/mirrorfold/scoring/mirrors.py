@@ -35,18 +35,11 @@ class MirrorError(Record):
 
 @dataclass(frozen=True)
 class Face:
-    """A flat piece of a true surface, in d = 2 or 3 dimensions.
+    """A flat piece of the true surface of that name, in d = 2 or 3 dimensions.
 
-    Attributes
-    ----------
-    surface : str
-        Name of the surface.
-    center, normal : (d,) arrays
-        Middle of the face [m], and its unit normal.
-    halves : (d - 1, d) array [m]
-        Vectors from the center to one end of the face, or in space to the middle of two adjacent edges.
-    one_sided : bool
-        Whether the face is that of a slab, which can be detected only from the side to which the normal points.
+    It has a `center` (d,) [m] and a unit `normal` (d,); the `halves` (d - 1, d) [m] lead from the center to one end of
+    the face, or in space to the middle of two adjacent edges. It is `one_sided` if it is the face of a slab, which can
+    be detected only from the side to which the normal points.
     """
 
     surface: str

@@ -35,20 +35,10 @@ NEEDED = {"x_initial", "y_initial", "surface", "chain"}
 class EchoesBehind(NamedTuple):
     """Echoes of a reconstruction behind half-transparent walls for which the truth is known, (n,) each.
 
-    Attributes
-    ----------
-    initial : (n, d) array [m]
-        Places where the image shows them.
-    passed : array
-        Probability that they passed; NaN where that was not tested.
-    taken : bool array
-        Which the reconstruction takes for passed: their chain is empty, so they are not folded.
-    truth : bool array
-        Which truly passed.
-    incidence : array [rad]
-        Angle at which their line of sight meets the wall.
-    before, after : arrays [m]
-        Distance from the nearest object: of the echo in the image, and of its place in the reconstruction.
+    The image shows them at `initial` (n, d) [m], `passed` is the probability that they passed, NaN where that was not
+    tested, and `incidence` [rad] the angle at which their line of sight meets the wall. The reconstruction has `taken`
+    some for passed: their chain is empty, so they are not folded; in `truth`, others may have passed. Distances from
+    the nearest object are `before` for the echo in the image, and `after` for its place in the reconstruction [m].
     """
 
     initial: Array
@@ -67,16 +57,9 @@ class EchoesBehind(NamedTuple):
 class WallImages(NamedTuple):
     """What half-transparent walls of a scene show, in d dimensions.
 
-    Attributes
-    ----------
-    objects : (n, d) array [m]
-        Samples of all other surfaces.
-    images : (m, d) array [m]
-        Mirror images of the `objects` in the walls.
-    met : (p,) bool array
-        Which of the given places lie behind a wall, seen from the radar.
-    incidence : (p,) array [rad]
-        Angle of incidence of their lines of sight at the wall.
+    These are samples of all other surfaces, `objects` (n, d) [m], and their mirror `images` (m, d) [m] in the walls.
+    Given places are `met` (p,) if they lie behind a wall, seen from the radar; `incidence` (p,) [rad] is the angle
+    at which their lines of sight meet it.
     """
 
     objects: Array

@@ -14,20 +14,10 @@ from mirrorfold.common.types import Array, Index, Mask
 class Truth:
     """Samples of all true surfaces of a scene, in d = 2 or 3 dimensions.
 
-    Attributes
-    ----------
-    names : dict of int to str
-        Names of the surfaces that are judged, by their index in the scene.
-    place, normals : (n, d) arrays [m]
-        Places of the samples [m], and unit normals of the surface there.
-    owner : (n,) array of int
-        Index of the surface of each sample.
-    direct, reachable : (n,) bool arrays
-        Which samples the radar can see directly; and which directly or by way of mirrors.
-    size : float [m] or [m^2]
-        Length or area that a sample stands for.
-    reach : float [m]
-        How far the surface is taken to go on along its tangent from a sample: half way to the next sample, or more.
+    Surfaces that are judged have `names`, by their index in the scene. A sample stands at `place` (n, d) [m], where the
+    surface of the index `owner` (n,) has the unit normal `normals` (n, d). The radar sees `direct` (n,) ones directly,
+    and `reachable` (n,) ones directly or by way of mirrors. A sample stands for a length or area `size` [m] or [m^2],
+    and the surface is taken to go on from it along its tangent up to `reach` [m], half way to the next one or more.
     """
 
     names: dict[int, str]

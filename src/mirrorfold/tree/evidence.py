@@ -73,21 +73,10 @@ class NewEchoes(NamedTuple):
 class Evidence:
     """The echoes behind a row, counted as evidence that the row is a mirror.
 
-    Attributes
-    ----------
-    cells : int
-        Number of resolution cells of the image that hold such echoes.
-    new : int
-        Number of cells whose echoes fold to places where nothing was known to be.
-    empty : float
-        Share of the cells that fold to places that the radar sees to be empty.
-    confirmed : int
-        Number of cells with echoes that fold to known places and agree with these in range. Like `unconfirmed`, it is
-        counted for curved rows in line of sight alone, and zero for others.
-    unconfirmed : int
-        Number of cells with neither such echoes nor any that fold to places seen to be empty.
-    new_echoes : tuple of NewEchoes
-        The echoes of the `new` cells, for each chain that ends at the row.
+    So many resolution `cells` of the image hold such echoes. Of `new` ones the echoes fold to places where nothing was
+    known to be: for each chain that ends at the row these are `new_echoes`. The share `empty` folds to places that the
+    radar sees to be empty. For curved rows in line of sight, `confirmed` cells have echoes that fold to known places
+    and agree with these in range, and `unconfirmed` ones neither these nor any that fold to places seen to be empty.
     """
 
     cells: int

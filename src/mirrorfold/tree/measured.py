@@ -22,21 +22,14 @@ from mirrorfold.tree.ordering import Order
 class Measured:
     """Measurements of the echoes of a view; a function is None where it is not available.
 
-    Attributes
-    ----------
-    explain : callable, optional
-        Why each of n echoes does not come from where the image shows it, (n,) str: mixed path, beyond the ambiguous
-        range, grating lobe. Empty for echoes that do come from there.
-    overhangs : callable, optional
-        How far beyond their ends the mirrors of an order are met, from which antennas see past the ends; see
-        `half_shadows`.
-    confocal_share : callable, optional
-        Share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that came back the way
-        it went, (n,); see `directions.confocal_share`.
-    corners : callable, optional
-        Which places (n, 2) [m] of the image show right-angled corners, (n,); see `misplaced.are_corners`.
-    vertices : list of (c, 2) arrays [m]
-        The places that were found to be corners; only of measurements that `noted` has made.
+    * `explain`: why each of n echoes does not come from where the image shows it, (n,) str: mixed path, beyond the
+      ambiguous range, grating lobe. Empty for echoes that do come from there.
+    * `overhangs`: how far beyond their ends the mirrors of an order are met; see `half_shadows`.
+    * `confocal_share`: the share of the energy of echoes at places (n, 2) [m] of the image, with amplitudes (n,), that
+      came back the way it went, (n,); see `directions.confocal_share`.
+    * `corners`: which places (n, 2) [m] of the image show right-angled corners, (n,); see `misplaced.are_corners`.
+
+    The `vertices`, (c, 2) [m] each, are the places that were found to be corners; only `noted` measurements list them.
     """
 
     explain: Callable[[Echoes], Names] | None = None

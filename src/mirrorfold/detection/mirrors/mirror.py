@@ -215,12 +215,7 @@ class ChainFold:
 
     Each line of sight has an isometry of its own: its echoes are reflected by the tangents that this same line of sight
     meets in the image, the deepest mirror first. Flat mirrors are the special case in which all lines of sight meet the
-    same tangents.
-
-    Parameters
-    ----------
-    way : sequence of Mirror
-        The mirrors, first the one that the radar looks into.
+    same tangents. The `way` begins with the mirror that the radar looks into.
     """
 
     STEP = 1e-5

@@ -53,17 +53,10 @@ M = TypeVar("M", bound=Mirror)
 
 
 class Search(ABC, Generic[M]):
-    """The search for mirrors of one kind.
+    """The search for mirrors of one kind among the `proving_echoes` of a view.
 
-    Parameters
-    ----------
-    echoes : Echoes
-        The search takes the `proving_echoes` among them.
-    view : View
-    minimum_length : float [m]
-        Least length of a mirror, or least width and height.
-    tested : bool
-        Whether a mirror must be filled and flat, not only large enough.
+    Mirrors have at least the `minimum_length` [m], or in space as least width and height. Only if they are `tested`
+    must they be filled and flat, too.
     """
 
     fewest: int

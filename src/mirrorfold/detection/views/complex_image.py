@@ -27,25 +27,13 @@ half resolution cells: two for each of its lobes on the way there."""
 
 @dataclass(frozen=True, eq=False)
 class ComplexImage:
-    """A complex image.
+    """A complex image: its `values` (ny, nx) at `x` and `y` [m], which were multiplied by ``range ** power``.
 
-    Attributes
-    ----------
-    values : (ny, nx) complex array
-    x, y : arrays [m]
-    radar : (2,) array [m]
-    k : (`NODES`,) array [rad/m]
-        Wavenumbers across the band.
-    taper : (`NODES`,) array
-        Weights over frequency; their sum is one.
-    arrays : (1 or 2, `NODES`, 2) array [m]
-        Places of transmitters and receivers, evenly along each array; only one if both are the same.
-    monostatic : bool
-        Whether one antenna goes along the array, and each place receives only what was sent from there.
-    apodization : (`NODES`,) array
-        Weights over the antennas; their sum is one.
-    power : int
-        Exponent p of the ``range ** p`` that the values were multiplied with.
+    The `taper` are weights over frequency at the wavenumbers `k` [rad/m] across the band, and the `apodization` weights
+    over the antennas, (`NODES`,) each; the sum of either is one. The antennas are at `arrays` (1 or 2, `NODES`, 2) [m],
+    evenly along the array of transmitters and that of receivers, or only one if both are the same, with the `radar`
+    (2,) [m] in the middle. If it is `monostatic`, one antenna goes along the array, and each place receives only what
+    was sent from there.
     """
 
     values: Complex

@@ -114,20 +114,9 @@ def wandering_lobes(sides: list[Aperture], k: Array, sine: Array, weights: Array
     """Amplitude, relative to an echo, of its lobe in the image of the whole band, (m, n).
 
     A lobe wanders as the wavelength changes. So each direction holds it in a part of the band only: it is lower there
-    than at a single frequency, and longer in range.
-
-    Parameters
-    ----------
-    sides : list of Aperture
-        The transmitters and the receivers.
-    k : (frequencies,) array [rad/m]
-        Wavenumbers of the band.
-    sine : (n,) array
-        How far the lobe is aside of the echo, in u.
-    weights : (w,) array
-        Weights of the image over the band.
-    beyond : (m,) array [m]
-        How much farther away than the echo, or nearer, the lobe is looked at.
+    than at a single frequency, and longer in range. It is looked at `sine` (n,) aside of the echo, in u, and `beyond`
+    (m,) [m] farther away than the echo, or nearer; `sides` and `k` are as in `beside_main_lobe`, and `weights` (w,) are
+    those of the image over the band.
     """
     length, band = max(float(np.ptp(side.along)) for side in sides), float(k[-1] - k[0])
     wanders = band * length / (2.0 * np.pi) * float(np.abs(sine).max(initial=0.0))  # in widths of a lobe

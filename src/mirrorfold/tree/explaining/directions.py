@@ -178,16 +178,9 @@ def bytes_at_once(sweep: xr.Dataset) -> tuple[float, float]:
 def _at_receivers(window: Window, path: Array, weight: NDArray[np.float32], size: int) -> NDArray[np.complex64]:
     """The waves that arrive at the receivers if the transmitters are focused on m points, (groups, rx, m).
 
-    Each group is the sum over `size` neighbouring frequencies; the last one holds the remaining ones.
-
-    Parameters
-    ----------
-    window : Window
-        The samples of the sweep.
-    path : (tx, m) array [m]
-        Length of the path that is made up for: its phase ``k path`` is added.
-    weight : (tx, m) or (tx, 1) array
-        Weights of the transmitters.
+    Each group is the sum over `size` neighbouring frequencies of the sweep's samples in a `window`; the last one holds
+    the remaining ones. To the transmitters' waves, which have the `weight` (tx, m) or (tx, 1), the phase ``k path`` is
+    added, with the `path` (tx, m) [m] that is made up for.
     """
     k, samples, taper = window
     send, turn = weight * _phasors(k[0] * path), _phasors(mean_step(k) * path)

@@ -71,13 +71,8 @@ def scattered(order: Order, echoes: Echoes, corners: Corners | None = None) -> M
 class _Surface:
     """A rough wall as the radar sees it.
 
-    Parameters
-    ----------
-    view : ImageView
-    crossing : (nu,) array [m]
-        Range at which each line of sight meets the wall; infinite where it misses the wall.
-    fold : callable
-        The map from the wall's places in the image to their true places.
+    Lines of sight meet it at ranges `crossing` (nu,) [m], infinite where they miss it, in its `directions` (m,). The
+    map `fold` takes these places from the image to their true `places` (m, 2) [m].
     """
 
     def __init__(self, view: ImageView, crossing: Array, fold: Fold) -> None:

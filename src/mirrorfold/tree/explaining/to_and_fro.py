@@ -93,16 +93,8 @@ def to_and_fro(found: Found, view: ImageView) -> dict[Chain, Mask]:
 class _Pairs(NamedTuple):
     """Places of objects, each with an echo behind it in the same beam.
 
-    Attributes
-    ----------
-    place, echo : (n, 2) arrays [m]
-        The true place, and that at which the echo would stand.
-    behind : (n,) array [m]
-        How far the echo is behind the place.
-    level, amplitude : (n,) arrays
-        Amplitude of the brightest echo of the object at the place, and of the echo.
-    cell : (n,) array [m]
-        Resolution cell at the echo.
+    The object is at the true `place` (n, 2) [m]; its brightest echo has the amplitude `level` (n,). The `echo` would
+    stand at (n, 2) [m], so far `behind` the place, (n,) [m]; it has an `amplitude` and a resolution `cell` [m], (n,).
     """
 
     place: Array

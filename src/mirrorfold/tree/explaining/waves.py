@@ -31,24 +31,10 @@ MOST_SAMPLES = 2**23
 
 
 class Waves:
-    """The waves of a sweep.
+    """The waves of a sweep, by the `chosen` (n,) of its pairs of antennas.
 
-    Parameters
-    ----------
-    pairs : Pairs
-    chosen : (n,) array of int
-        Numbers of the pairs that are used.
-    view : ImageView
-
-    Attributes
-    ----------
-    wavelength : float [m]
-    period : float [m]
-        The ambiguous range.
-    reach : float [m]
-        Largest distance of an antenna from the middle of the array.
-    cell : float
-        Width of the array's resolution cell, as the sine of an angle.
+    They have the `wavelength` [m], and the ambiguous range `period` [m]. An antenna is at most `reach` [m] from the
+    middle of the array, and `cell` is the width of the array's resolution cell, as the sine of an angle.
     """
 
     def __init__(self, pairs: Pairs, chosen: Index, view: ImageView) -> None:
