@@ -11,6 +11,7 @@ import xarray as xr
 
 from mirrorfold.common.types import Array, Mask, Names
 from mirrorfold.detection import Echoes, ImageView
+from mirrorfold.errors import InputError
 from mirrorfold.tree.explaining.corners import Corners
 from mirrorfold.tree.explaining.half_shadows import Overhangs, half_shadows
 from mirrorfold.tree.explaining.misplaced import Known, are_corners, confocal, misplaced
@@ -67,7 +68,16 @@ def no_measurements(view: ImageView) -> Measured:
 
 
 def measured_by_sweep(sweep: xr.Dataset) -> Measurer:
-    """Measurements by the sweep that the image was focused from; each echo is measured once, for all views."""
+    """Measurements by the sweep that the image was focused from; each echo is measured once, for all views.
+
+    Raises
+    ------
+    InputError
+        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
+    """
+    if sweep["s"].dims != ("frequency", "tx", "rx"):
+        wanted = "expected (frequency, tx, rx); choose one frame or polarization"
+        raise InputError(f"sweep: s has the dimensions {sweep['s'].dims}, {wanted}")
     tested: Known = {}
     ends: dict[tuple[float, ...], float] = {}
     waves = SweepWaves(sweep)

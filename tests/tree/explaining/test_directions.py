@@ -19,6 +19,7 @@ from mirrorfold.tree.explaining.lobes import lobe_level
 from mirrorfold.tree.explaining.misplaced import MIXED, SMALLEST_DIRECTION_RATIO, Known, misplaced
 from mirrorfold.tree.explaining.waves import SweepWaves
 from mirrorfold.tree.explaining.wrapped import wrapping_ratio
+from mirrorfold.tree.measured import measured_by_sweep
 
 FREQUENCY = np.linspace(290e9, 300e9, 61)
 WAVELENGTH = speed_of_light / 295e9
@@ -175,7 +176,7 @@ def test_frames_are_refused():
     tx, rx = line(5), line(5)
     sweep = sweep_of(tx, rx, (at(0.0), at(0.0))).expand_dims(frame=2)
     with pytest.raises(InputError, match=r"'frame', 'frequency', 'tx', 'rx'.*choose one frame"):
-        direction_ratio(SweepWaves(sweep), view_of(tx, rx), np.array([RANGE]), np.array([0.0]))
+        measured_by_sweep(sweep)
 
 
 def hann(n):

@@ -20,7 +20,6 @@ from mirrorfold.common.threads import cpu_count, for_each, one_thread
 from mirrorfold.common.types import Array
 from mirrorfold.detection import ImageView
 from mirrorfold.detection.views.image_view import LARGEST_SINE
-from mirrorfold.errors import InputError
 from mirrorfold.focusing.echoes.range_windows import Window
 from mirrorfold.sweep import antenna_positions, wavenumber
 from mirrorfold.tree.explaining.apertures import Aperture
@@ -73,11 +72,6 @@ def direction_ratio(waves: SweepWaves, view: ImageView, range_: Array, u: Array)
     echo that came back the way it went out, small for one that arrives from elsewhere. Points lie at the height of the
     radar, the mean of the heights of its two apertures. If all transmitters, or all receivers, stand at one place,
     directions cannot be measured, and all ratios are one.
-
-    Raises
-    ------
-    InputError
-        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
     if min(aperture.places for aperture in waves.apertures) < 2:
         return np.ones(range_.size)
@@ -94,11 +88,6 @@ def amplitude_at(
     """Mean amplitude of echoes at ranges [m] and u, (n,) each, focused with some of the antennas only, (n,).
 
     `sent` (n, tx) and `received` (n, rx) choose the transmitters and receivers for each echo.
-
-    Raises
-    ------
-    InputError
-        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
     level = _bistatic(waves, view, range_, u[:, None], u[:, None], (sent, received))[:, 0, 0]
     tx, rx = (aperture.weight for aperture in waves.apertures)
@@ -116,11 +105,6 @@ def confocal_share(waves: SweepWaves, view: ImageView, range_: Array, u: Array) 
     single scattering has the share ``(1 - A / D) / (1 - h)`` of the energy. This is the common-midpoint profile of the
     focused reflection matrix (Lambert, Cobus, Couade, Fink and Aubry, Phys. Rev. X 10, 021048, 2020). NaN where the
     apertures cannot separate directions, or an echo is too near.
-
-    Raises
-    ------
-    InputError
-        As `direction_ratio`.
     """
     sides, share = waves.apertures, np.full(range_.size, np.nan)
     own = _beams_alone(sides, float(wavenumber(waves.sweep).mean()), view.u_cell)
@@ -245,16 +229,7 @@ def _bistatic(
 
     `sent` holds the directions u of leaving, `received` those u' of arriving. `only` chooses the transmitters (n, tx)
     and receivers (n, rx) that are used for each point.
-
-    Raises
-    ------
-    InputError
-        If the sweep has other dimensions than (frequency, tx, rx), such as frames.
     """
-    data = waves.sweep["s"]
-    if data.dims != ("frequency", "tx", "rx"):
-        wanted = "expected (frequency, tx, rx); choose one frame or polarization"
-        raise InputError(f"sweep: s has the dimensions {data.dims}, {wanted}")
     tx, rx = waves.apertures
     height = 0.5 * float(tx.centre[2] + rx.centre[2])
     radar = np.append(view.radar, height)
