@@ -54,20 +54,11 @@ def blocks(
 ) -> Blocks:
     """The blocks of the grid of pixels that `mirrorfold.folding.pictures.draw` draws on, with their bounds.
 
-    Parameters
-    ----------
-    view : View
-    maps : dict of int to Isometry
-        For the number of each mirror, and `ROOT` for none: the map from where the image shows an object to where it
-        stands.
-    grid : tuple of (n,) arrays [m]
-        Coordinates x, y and z of the pixels.
-    blobs : (directions, ranges) array of int
-        Number of the mirror that each sample is folded by, see `mirrorfold.folding.points.owned_blobs`.
-    amplitude, gain : (directions, ranges) and (ranges,) arrays
-        Amplitude of the image, and the factors, not applied to it yet, that undo the spreading with range.
-    through : tuple
-        Passages of the lines of sight, two arrays, see `LinesOfSight.passages`, and the margin behind walls [m].
+    For the number of each mirror, and `ROOT` for none, `maps` lead from where the image shows an object to where it
+    stands. The `grid` are the coordinates x, y and z of the pixels [m], and `blobs` (directions, ranges) say by which
+    mirror each sample is folded, see `owned_blobs`. The `gain` (ranges,) that undoes the spreading with range is not
+    applied to the `amplitude` (directions, ranges) yet. Lines of sight lead `through` mirrors by their passages, two
+    arrays, see `LinesOfSight.passages`, with a margin behind walls [m].
     """
     across = _chords(view)
     reach = HALF_SAMPLE * view.range[-1] * float(np.median(across)) + view.dr

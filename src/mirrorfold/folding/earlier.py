@@ -22,13 +22,7 @@ KEPT = (*BY_SWEEP, COPY)
 
 
 def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
-    """The measurements by the sweep that a Reconstruction has kept.
-
-    Raises
-    ------
-    InputError
-        If the tree is no Reconstruction.
-    """
+    """The measurements by the sweep that a Reconstruction has kept; any other tree is refused."""
     check_groups(reconstruction, "initial", "objects", "mirrors")
     places, shares = known_places(reconstruction), known_shares(reconstruction)
     overhangs = known_overhangs(reconstruction)
@@ -119,13 +113,7 @@ def initial_image(reconstruction: xr.DataTree) -> xr.DataArray:
 
 
 def check_groups(reconstruction: xr.DataTree, *groups: str) -> None:
-    """Refuse a tree that lacks one of these groups of a Reconstruction.
-
-    Raises
-    ------
-    InputError
-        If a group is missing.
-    """
+    """Refuse a tree that lacks one of these groups of a Reconstruction."""
     for group in groups:
         if group not in reconstruction.children:
             raise InputError(f"reconstruction: holds no group {group!r}; expected what `fold` or `reconstruct` returns")

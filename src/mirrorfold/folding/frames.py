@@ -160,12 +160,8 @@ def each_frame(
 
 
 def check_finished(finished: Any) -> None:
-    """Refuse what can keep no frames, also where there is no recording.
-
-    Raises
-    ------
-    InputError
-        If it is neither None nor a mutable mapping, or a dict that holds something else than reconstructions.
+    """Refuse what can keep no frames, also where there is no recording: anything but None, a mutable mapping, or a dict
+    of reconstructions.
     """
     if not isinstance(finished, MutableMapping | None):
         raise wrong_kind("finished", finished, "a dict for the frames of a recording that are done", reader="")

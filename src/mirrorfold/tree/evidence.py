@@ -116,26 +116,11 @@ def with_rows(
     round, behind which further rows may stand. All rows of a round are tried at once; those without enough evidence are
     taken out, and the others are tried again without them.
 
-    Parameters
-    ----------
-    found : Found
-        The result without these rows.
-    view, settings, full_pass
-    proposed : callable
-        Returns rows that may be mirrors, from what is found so far.
-    fewest : int
-        Least number of resolution cells behind a row that hold echoes which count as evidence.
-    selected : callable
-        Returns which echoes count as evidence for a row.
-    is_enough : callable
-        Returns whether the evidence is enough.
-    besides : sequence of Mirror
-        Rows that are known to be mirrors.
+    What is `found` so far lacks these rows, but not those `besides` that are known to be mirrors. From what is found,
+    `proposed` makes rows that may be mirrors. The evidence for a row are `selected` echoes. They must fill at least the
+    `fewest` resolution cells, and `is_enough` judges the rest.
 
-    Returns
-    -------
-    Found, list of Mirror, list of Mirror
-        The result with the rows that are mirrors; these rows, with those of `besides`; and the rejected rows.
+    Returns the result with the rows that are mirrors; these rows, with those `besides`; and the rejected rows.
     """
     proved, every_row, first = list[Mirror](), list[Mirror](), found
     # The echoes depend on the curved mirrors alone, since flat ones dim nothing.

@@ -29,12 +29,8 @@ FEWEST_BEAMS = 4
 class BeamMirror(Mirror[VolumeView]):
     """A mirror of a raster volume.
 
-    Attributes
-    ----------
-    outline : (n, 3) array [m]
-        The corners of its face, or all points where beams meet it.
-    beams : (azimuths * elevations,) bool array
-        Which beams meet the mirror.
+    The `beams` (azimuths * elevations,) are those that meet it, and its `outline` (n, 3) [m] holds the corners of its
+    face, or all points where beams meet it.
     """
 
     outline: Array = field(repr=False)

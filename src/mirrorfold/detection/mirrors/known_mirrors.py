@@ -206,13 +206,7 @@ FORMS: dict[frozenset[str], Callable[..., list[Any]]] = {
 
 
 def _rows(mirrors: Any, source: str) -> Any:
-    """Turn mirrors as a file describes them, a list of dicts, into lists of points; leave anything else as it is.
-
-    Raises
-    ------
-    InputError
-        If some mirrors are dicts, and one has other entries than a mirror has, or is no dict.
-    """
+    """Turn mirrors as a file describes them, a list of dicts, into lists of points; leave anything else as it is."""
     if not isinstance(mirrors, list | tuple) or not any(isinstance(mirror, dict) for mirror in mirrors):
         return mirrors
     places = []

@@ -31,21 +31,11 @@ wall again that it comes from. Circles that differ by less, as a share of their 
 
 
 def mirrors_of_plan(plan: FloorPlan, view: View, *, generations: int | None = None) -> Array:
-    """The mirrors of a floor plan as they appear in the unfolded image.
+    """The mirrors of a floor plan as they appear in the unfolded image: both ends of each, (mirrors, 2, 2) [m].
 
-    Parameters
-    ----------
-    plan : FloorPlan
-    view : View
-        The view of an image.
-    generations : int, optional
-        Largest number of walls in a chain; `LONGEST_CHAIN` by default and at most.
-
-    Returns
-    -------
-    (mirrors, 2, 2) array [m]
-        Both ends of each mirror; three points each, (mirrors, 3, 2), if there are arcs. A straight wall keeps those
-        ends that the radar sees; elsewhere, and if it is curved, it ends at the last line of sight that meets it.
+    If there are arcs, it is three points each, (mirrors, 3, 2). A straight wall keeps those ends that the radar sees;
+    elsewhere, and if it is curved, it ends at the last line of sight that meets it. A chain has as many walls as there
+    are `generations`, but at most, and by default, `LONGEST_CHAIN`.
 
     Raises
     ------

@@ -16,17 +16,7 @@ SMALLEST_COSINE = 0.087
 
 @dataclass(frozen=True, eq=False)
 class PlaneMirror(BeamMirror):
-    """A plane mirror of a raster volume.
-
-    Attributes
-    ----------
-    center : (3,) array [m]
-        Middle of its face.
-    normal : (3,) array
-        Unit normal, towards the radar.
-    outline, beams
-        See `BeamMirror`.
-    """
+    """A plane mirror of a raster volume; its `normal` (3,) points towards the radar. For the rest see `BeamMirror`."""
 
     center: Array
     normal: Array

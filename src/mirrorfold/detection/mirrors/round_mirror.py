@@ -22,18 +22,9 @@ from mirrorfold.detection.views.volume_view import VolumeView
 
 @dataclass(frozen=True, eq=False)
 class RoundMirror(BeamMirror):
-    """A part of a cylinder or of a sphere in a raster volume, seen from outside.
+    """A part of a cylinder or of a sphere, its whole `shape`, in a raster volume, seen from outside; see `BeamMirror`.
 
-    Attributes
-    ----------
-    shape : RoundSurface
-        The whole cylinder or sphere.
-    radar : (3,) array [m]
-        Position of the radar.
-    beam : tuple of float [m], optional
-        The beam of the scanner, as in `VolumeView`.
-    outline, beams
-        See `BeamMirror`.
+    The `radar` stands at (3,) [m], and its `beam` is that of the scanner, as in `VolumeView`.
     """
 
     shape: RoundSurface

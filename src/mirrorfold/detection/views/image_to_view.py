@@ -102,12 +102,8 @@ def _polar_grid(
 ) -> tuple[Array, Array]:
     """Ranges [m] and sines u of the samples of a view, `SAMPLES_PER_CELL` in each resolution cell.
 
-    They hold an image that reaches over these `ranges` [m] and `sines`, as far aside as the array looks.
-
-    Raises
-    ------
-    InputError
-        If the image is smaller than a cell, or the view would not fit into the memory.
+    They hold an image that reaches over these `ranges` [m] and `sines`, as far aside as the array looks. An image
+    smaller than a cell is refused, and one whose view would not fit into the memory.
     """
     nearest, farthest = ranges
     samples = (farthest - nearest) / range_cell * 2.0 / u_cell * SAMPLES_PER_CELL**2

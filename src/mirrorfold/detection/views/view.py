@@ -302,13 +302,8 @@ def in_single_precision(image: xr.DataArray) -> xr.DataArray:
 
 
 def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
-    """Refuse anything but an image of these dimensions with finite values on a regular grid, and possible facts about
-    the radar.
-
-    Raises
-    ------
-    InputError
-        If the image is not of that kind, or seems to hold levels in dB.
+    """Refuse anything but an image of these dimensions with finite values, no levels in dB, on a regular grid, and with
+    possible facts about the radar.
     """
     check_axes(image, dims)
     check_facts(image.attrs, "image")
@@ -325,13 +320,7 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
 
 
 def check_axes(image: xr.DataArray, dims: tuple[str, ...]) -> None:
-    """Refuse anything but an image of these dimensions on a regular grid, with at least `FEWEST_SAMPLES` along each.
-
-    Raises
-    ------
-    InputError
-        If the image is not of that kind.
-    """
+    """Refuse anything but an image of these dimensions on a regular grid, with at least `FEWEST_SAMPLES` along each."""
     if not isinstance(image, xr.DataArray) or image.dims != dims:
         found = getattr(image, "dims", type(image).__name__)
         many = f"; choose one, image.isel({found[0]}=0)" if found[1:] == dims else ""
