@@ -1,9 +1,8 @@
 """How wide the resolution cell is behind a curved mirror, and where the caustics of the mirror are.
 
-A thin pencil of rays leaves the radar, meets the mirror after the length r1 at the angle of incidence i, and goes on
-for the length s. The mirror has the radius of curvature R, negative if it is concave. For each radian of its opening
-angle, the pencil is then ``q = r1 + s + 2 r1 s / (R cos(i))`` wide; behind a flat mirror it would be ``r1 + s`` wide.
-So the resolution cell of the array grows across the line of sight by the factor ``|q| / (r1 + s)``.
+A thin pencil of rays that meets the mirror at the angle of incidence i, after the length r1, and goes on for s is
+``q = r1 + s + 2 r1 s / (R cos(i))`` wide for each radian, with R < 0 for a concave mirror, and ``r1 + s`` wide behind a
+flat one. So the resolution cell of the array grows across the line of sight by the factor ``|q| / (r1 + s)``.
 
 At a caustic, ``1/r1 + 1/s = 2 / (|R| cos(i))``, q is zero. The image is not sharper there, because waves from a point
 arrive at the array with the curvature ``(1 + 2 s / (R cos(i))) / q``, while the array is focused for

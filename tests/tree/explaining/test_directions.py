@@ -272,7 +272,7 @@ def test_a_true_echo_stays_whatever_receivers_are_missing(places):
     """Their lobes are nearly as high as the main one, but a lone echo has the ratio one."""
     tx, rx = line(9, pitch=2.0 * WAVELENGTH), 0.5 * WAVELENGTH * (np.array(places)[:, None] * [1.0, 0.0, 0.0])
     sweep, view = sweep_of(tx, rx, (at(0.1), at(0.1))), view_of(tx, rx)
-    assert_array_equal(misplaced(echoes_at(view, np.array([0.1])), SweepWaves(sweep), view), [""])
+    assert_array_equal(misplaced(echoes_at(view, np.array([0.1])), SweepWaves(sweep), view, {}), [""])
 
 
 @pytest.mark.parametrize("missing", [None, 3])
@@ -280,7 +280,7 @@ def test_the_ghost_in_a_grating_lobe_is_left_out_and_the_echo_stays(missing):
     antennas = thinned(missing)
     sweep, view = sweep_of(antennas, antennas, (at(-0.3), at(-0.3))), view_of(antennas, antennas)
     ghost = -0.3 + 2.0 / 3.0  # of places three half wavelengths apart
-    found = misplaced(echoes_at(view, np.array([-0.3, ghost])), SweepWaves(sweep), view)
+    found = misplaced(echoes_at(view, np.array([-0.3, ghost])), SweepWaves(sweep), view, {})
     assert found[0] == ""
     assert missing is None or found[1] == MIXED
 

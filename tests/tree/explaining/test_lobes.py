@@ -38,7 +38,7 @@ def made(missing, *points, pitch=0.5, frequency=FREQUENCY):
     grid = {"x": np.arange(-0.9, 0.9, 0.005), "y": np.arange(0.1, 1.1, 0.005)}
     view = see(mf.focus(sweep, **grid))
     echoes = find_echoes(view)
-    return view, echoes, misplaced(echoes, SweepWaves(sweep), view) == LOBE
+    return view, echoes, misplaced(echoes, SweepWaves(sweep), view, {}) == LOBE
 
 
 def near(view, echoes, place):

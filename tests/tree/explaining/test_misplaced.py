@@ -61,7 +61,7 @@ def test_verdicts_follow_from_the_ratios(view, lobe, least):
              for measure, values in ((lobe_level, lobes), (wrapping_ratio, wrapping), (direction_ratio, direction))
              for r, sine, value in zip(range_, u, values, strict=True) if np.isfinite(value)}  # fmt: skip
     assert_array_equal(misplaced(echoes, waves, view, known), ["", "", LATE, MIXED, "", LOBE])
-    assert not misplaced(echoes.take(np.zeros(6, dtype=bool)), waves, view).size
+    assert not misplaced(echoes.take(np.zeros(6, dtype=bool)), waves, view, {}).size
 
 
 def test_a_cell_is_measured_once_at_its_brightest_echo(view, monkeypatch):

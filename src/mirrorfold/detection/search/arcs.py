@@ -97,13 +97,6 @@ def find_arcs(view: ImageView, echoes: Echoes) -> list[ArcMirror]:
     return _Arcs(echoes.take(echoes.visible), view).find()
 
 
-def _by_chord(arc: ArcMirror, points: Array) -> tuple[Array, Array]:
-    """Positions of points (n, 2) along the chord of an arc, and their distances from it, (n,) [m] each."""
-    chord = unit(arc.ends[1] - arc.ends[0])
-    offset = points - arc.ends[0]
-    return offset @ chord, offset @ turned(chord)
-
-
 class _Arcs:
     """The search for arcs among echoes that are all seen by way of the same mirrors."""
 
@@ -300,9 +293,9 @@ class _Arcs:
         if not self._plausible(arc) or abs(arc.curvature) < SIGNIFICANT * arc.curvature_error:
             return []
         # Two flat walls that touch in the image are no curved one: the likelier of the two is the one that fits better.
-        beside = arc.beside(points)
+        beside, chord, offset = arc.beside(points), unit(arc.ends[1] - arc.ends[0]), points - arc.ends[0]
         trust = robust_weights(beside, weight, np.finfo(float).tiny)[1]
-        if np.sum(trust * beside**2) > kink_residual(*_by_chord(arc, points), trust):
+        if np.sum(trust * beside**2) > kink_residual(offset @ chord, offset @ turned(chord), trust):
             return []
         filled = self._filled(arc)
         return [] if filled is None else [filled]

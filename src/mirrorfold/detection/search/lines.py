@@ -17,7 +17,7 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.search.coherent import trimmed
 from mirrorfold.detection.search.fit import FEWEST_PLACES, power_centroids, refined, split_in_two
-from mirrorfold.detection.search.fronts import Front, find_front
+from mirrorfold.detection.search.fronts import find_front
 from mirrorfold.detection.search.growing import NEAR, Search
 from mirrorfold.detection.search.remembered import remembered
 from mirrorfold.detection.search.rows import HARDLY, heaviest_row
@@ -303,10 +303,7 @@ def _fit(mirror: LineMirror, view: ImageView) -> tuple[LineMirror, float]:
     return refined(mirror, view, *PROFILE)
 
 
-@remembered
-def _front(mirror: LineMirror, view: ImageView) -> Front:
-    """Where the face of the wall is, see `fronts.find_front`."""
-    return find_front(mirror, view)
+_front = remembered(find_front)
 
 
 @remembered

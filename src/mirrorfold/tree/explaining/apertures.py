@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from mirrorfold.common.types import Array
 from mirrorfold.detection.views.image_view import LARGEST_SINE
-from mirrorfold.sweep import antenna_positions, wavenumber
 
 SAME_PLACE = 1e-3
 """Elements closer than this share of the shortest wavelength count as one place: their phases do not differ."""
@@ -73,12 +71,6 @@ class Aperture(NamedTuple):
 def _axis(offset: Array) -> Array:
     """The principal axis of positions (n, 3) about their centre, a unit vector."""
     return np.linalg.svd(offset, full_matrices=False)[2][0]
-
-
-def apertures(sweep: xr.Dataset) -> list[Aperture]:
-    """The transmitters and the receivers of a sweep."""
-    shortest = 2.0 * np.pi / float(wavenumber(sweep)[-1])
-    return [Aperture.of(position, shortest) for position in antenna_positions(sweep)]
 
 
 def grating_lobe(aperture: Aperture, k: float) -> float:

@@ -48,12 +48,11 @@ Measure = Callable[[SweepWaves, ImageView, Array, Array], Array]
 Known = dict[tuple[Measure, float, float], float]
 
 
-def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known | None = None) -> Names:
+def misplaced(echoes: Echoes, waves: SweepWaves, view: ImageView, known: Known) -> Names:
     """Why echoes of a view come from elsewhere than they are seen, (n,): `LOBE`, `LATE`, `MIXED`, or "" if they do not.
 
     `known` holds the measurements of earlier calls, by range [m] and u; those of this call are added.
     """
-    known = {} if known is None else known
 
     def measured(measure: Measure, some: Mask | slice = slice(None)) -> Array:
         return _once_a_cell(measure, echoes.position[some], echoes.amplitude[some], waves, view, known)

@@ -17,9 +17,9 @@ from mirrorfold.common.windows import hann
 from mirrorfold.detection import ImageView
 from mirrorfold.focusing.echoes.coherence import CORNER, FACE, OVERSAMPLING, POINT, coherence, profiles, windows
 from mirrorfold.focusing.echoes.range_windows import RangeWindows
-from mirrorfold.sweep import wavenumber
+from mirrorfold.sweep import antenna_positions, wavenumber
 from mirrorfold.sweep.pairs import Pairs, pairs_of
-from mirrorfold.tree.explaining.apertures import Aperture, apertures, beside_main_lobe, grating_lobe, wandering_lobes
+from mirrorfold.tree.explaining.apertures import Aperture, beside_main_lobe, grating_lobe, wandering_lobes
 
 PAIRS = 1000, 8000
 """Number of pairs of antennas that are used, chosen at random: the more pairs, the weaker other echoes at the same
@@ -79,7 +79,8 @@ class SweepWaves:
     @cached_property
     def apertures(self) -> list[Aperture]:
         """The transmitters and the receivers."""
-        return apertures(self.sweep)
+        shortest = 2.0 * np.pi / float(wavenumber(self.sweep)[-1])
+        return [Aperture.of(position, shortest) for position in antenna_positions(self.sweep)]
 
     @cached_property
     def grating_lobe(self) -> float:
