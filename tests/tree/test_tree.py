@@ -149,8 +149,9 @@ def test_the_errors_of_a_mirror_hold_those_of_all_on_its_way(periscope_tree):
         seen.append(place)
         for line in reversed(moved):
             seen[-1] = line.reflection(seen[-1])
-    assert_allclose(np.std(strays, axis=0), tree.errors()[(0, 0, 0)], rtol=0.1)
-    assert tree.errors()[(0,)] == (lines[0].angle_error, lines[0].offset_error)
+    _, first, _, third = tree.walk()
+    assert_allclose(np.std(strays, axis=0), third.errors, rtol=0.1)
+    assert first.errors == (lines[0].angle_error, lines[0].offset_error)
     # And so do those of what is seen by way of them all.
     assert_allclose(
         np.cov(np.transpose(seen)), place_covariance(place[None], lines)[0], rtol=0.1, atol=1e-3 * np.var(seen)

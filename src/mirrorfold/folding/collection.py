@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -199,37 +199,35 @@ def _pane(mirror: Mirror, transparent_walls: Sequence[TransparentWall]) -> dict[
 
 def _mirrors(tree: MirrorTree, points: Points, transparent_walls: Sequence[TransparentWall] = ()) -> xr.Dataset:
     """The table of mirrors: each one in the unfolded image and at its true place."""
-    errors = tree.errors()
-    nodes = [(node, node.mirror) for node in tree.walk() if node.mirror is not None]
-    any_curved = any(mirror.curved for _, mirror in nodes)
-    any_overhang = any(any(mirror.overhang) for _, mirror in nodes)
+    nodes = [node for node in tree.walk() if node.way]
+    curved = any(node.way[-1].curved for node in nodes)
+    any_overhang = any(any(node.way[-1].overhang) for node in nodes)
     any_pane = any(wall.pane is not None for wall in transparent_walls)
-    index = {(): -1} | {node.chain: i for i, (node, _) in enumerate(nodes)}
+    index = {(): -1} | {node.chain: i for i, node in enumerate(nodes)}
 
     def own_place(mirror: Mirror, fold: Fold) -> dict[str, Any]:
         """Columns of a mirror's place after the map `fold`, with the middle of its face if any mirror is curved."""
-        middle = dict(zip(("xm", "ym", "zm"), fold(mirror.center[None])[0], strict=False)) if any_curved else {}
+        middle = dict(zip(("xm", "ym", "zm"), fold(mirror.center[None])[0], strict=False)) if curved else {}
         flat = dict.fromkeys(("axis_x", "axis_y", "axis_z"), 0.0) if "zm" in middle else {}
         return flat | mirror.columns(fold) | middle
 
-    def row(node: MirrorTree, mirror: Mirror) -> dict[str, Any]:
-        parent, chain = node.chain[:-1], chain_name(node.chain)
+    def row(node: MirrorTree) -> dict[str, Any]:
+        mirror, parent, chain = node.way[-1], node.chain[:-1], chain_name(node.chain)
         own = own_place(mirror, tree.fold)
         own |= {f"folded_{name}": value for name, value in own_place(mirror, node.face_fold).items()}
         own |= {"parent": np.int32(index[parent]), "generation": np.int32(node.generation), "chain": chain}
         own |= {"confidence": mirror_confidence(points, chain)}
         own |= {name: getattr(mirror, name) for name in ("strength", "angle_error", "offset_error", "fill", "depth")}
-        own |= dict(zip(FOLDED_ERRORS, errors.get(node.chain, (0.0, 0.0)), strict=True))
-        if any_curved:
+        own |= dict(zip(FOLDED_ERRORS, node.errors, strict=True))
+        if curved:
             own |= {"curvature": mirror.curvature, "curvature_error": mirror.curvature_error}
         if any_overhang:
             own |= dict(zip(OVERHANG_COLUMNS, mirror.overhang, strict=True))
         return own | (_pane(mirror, transparent_walls) if any_pane else {})
 
-    if nodes:
-        return _table([row(node, mirror) for node, mirror in nodes])
     # Without mirrors the table still has its columns, empty.
-    return _table([row(tree, example_mirror(tree.objects.position.shape[1]))]).isel(mirror=slice(0))
+    example = replace(tree, way=(example_mirror(tree.objects.position.shape[1]),), chain=(0,))
+    return _table([row(node) for node in nodes or [example]]).isel(mirror=slice(len(nodes)))
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> xr.Dataset:

@@ -87,21 +87,20 @@ class MirrorTree:
         """For the chain of every node of this tree: its `way`."""
         return {node.chain: node.way for node in self.walk()}
 
-    def errors(self) -> dict[Chain, tuple[float, float]]:
-        """Standard errors of every mirror at its true place, by chain: of its direction [degree] and position [m].
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Standard errors of the node's mirror at its true place: of its direction [degree] and position [m].
 
         An image in a mirror moves by twice the mirror's offset error and turns by twice its angle error. So the errors
         of all mirrors on the way add to a mirror's own; they are independent, and their squares add.
         """
-        result: dict[Chain, tuple[float, float]] = {}
-        for chain, (*way, last) in ((chain, way) for chain, way in self.mirrors_by_chain().items() if way):
-            angle = last.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
-            covariance, normal = place_covariance(last.center[None], way)[0], last.normal
-            for mirror in reversed(way):
-                normal = _reflection_matrices(mirror, last.center[None])[0] @ normal
-            offset = last.offset_error**2 + float(normal @ covariance @ normal)
-            result[chain] = float(np.sqrt(angle)), float(np.sqrt(offset))
-        return result
+        *way, last = self.way
+        angle = last.angle_error**2 + sum((2.0 * mirror.angle_error) ** 2 for mirror in way)
+        covariance, normal = place_covariance(last.center[None], way)[0], last.normal
+        for mirror in reversed(way):
+            normal = _reflection_matrices(mirror, last.center[None])[0] @ normal
+        offset = last.offset_error**2 + float(normal @ covariance @ normal)
+        return float(np.sqrt(angle)), float(np.sqrt(offset))
 
     def to_json(self) -> str:
         """The tree as JSON: chain, mirror and number of object echoes of every node."""
