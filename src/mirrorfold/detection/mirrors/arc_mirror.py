@@ -26,17 +26,10 @@ most the share `END_SHARE` of its length, so that most of a short arc is left.""
 
 @dataclass(frozen=True, eq=False)
 class ArcMirror(Mirror[ImageView]):
-    """A part of a circle in an image.
+    """A part of a circle in an image, seen by a `radar` at (2,) [m].
 
-    Attributes
-    ----------
-    middle : (2,) array [m]
-        Center of the circle.
-    radius : float [m]
-    first, span : float [rad]
-        Angle at which the arc begins, and how far it goes on counter-clockwise; less than a full turn.
-    radar : (2,) array [m]
-        Position of the radar.
+    The circle has its `middle` at (2,) [m], and a `radius` [m]. The arc begins at the angle `first`, and goes on
+    counter-clockwise by the angle `span` [rad], less than a full turn.
     """
 
     middle: Array

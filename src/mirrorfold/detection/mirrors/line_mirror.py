@@ -34,15 +34,9 @@ askew to the row."""
 
 @dataclass(frozen=True, eq=False)
 class LineMirror(Mirror[ImageView]):
-    """A straight mirror of an image.
+    """A straight mirror of an image from `start` to `end`, (2,) [m] each.
 
-    Attributes
-    ----------
-    start, end : (2,) arrays [m]
-        Both ends.
-    length : float [m]
-    direction : (2,) array
-        Unit vector from start to end.
+    Its `length` [m] and its `direction` (2,), a unit vector from start to end, follow from these.
     """
 
     start: Array
