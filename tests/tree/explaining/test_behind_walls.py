@@ -90,10 +90,10 @@ def test_behind_a_curved_row_that_is_no_mirror_nothing_is_in_line_of_sight(found
     end = BENT.at(0.0)
     places = [[0.0, 2.2], [0.0, 1.5 + 0.9 * depth], [0.0, 1.3], 1.5 * end, 1.5 * (end - np.array([0.1, 0.0]))]
     objects = echoes_at(sight.view, np.array(places))
-    assert behind_rows(objects, [BENT], sight).tolist() == [True, False, False, False, False]
-    assert not behind_rows(objects, [], sight).any()
+    assert behind_rows(objects, [BENT], sight, sight.view).tolist() == [True, False, False, False, False]
+    assert not behind_rows(objects, [], sight, sight.view).any()
     shown = replace(BENT, middle=np.array([1.3, 2.5]), first=1.5 * np.pi - 0.45, span=0.2)
-    assert not behind_rows(echoes_at(sight.view, 1.3 * shown.center[None]), [shown], sight).any()
+    assert not behind_rows(echoes_at(sight.view, 1.3 * shown.center[None]), [shown], sight, sight.view).any()
     after = without_explained(*found, [replace(BENT, middle=np.array([0.0, 1.9]))])
     assert after.explanation.tolist() == without_explained(*found).explanation.tolist()
 

@@ -197,10 +197,6 @@ class ArcMirror(Mirror[ImageView]):
         """Length of the arc in resolution cells."""
         return float(self.length / view.cell_at(self.center))
 
-    def moved(self, normal: Array, center: Array) -> ArcMirror:
-        """The same arc, shifted along `normal` until its own center is level with the point `center`."""
-        return replace(self, middle=self.middle + ((center - self.center) @ normal) * normal)
-
     def filled(self, view: ImageView, echoes: Echoes) -> float:
         """Share of its length within half a resolution cell of one of the echoes."""
         tangent = turned(self.outward(self.along(echoes.position)))

@@ -100,10 +100,6 @@ class Mirror(ABC, Generic[V]):
         """Number of resolution cells along the mirror, each with a speckle of its own."""
 
     @abstractmethod
-    def moved(self, normal: Array, center: Array) -> Self:
-        """A mirror of the same extent on another line or plane, with that normal and through that point."""
-
-    @abstractmethod
     def filled(self, view: V, echoes: Echoes) -> float:
         """Share of its extent that echoes on the mirror fill."""
 

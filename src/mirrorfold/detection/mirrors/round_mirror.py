@@ -107,11 +107,6 @@ class RoundMirror(BeamMirror):
         width, straight = (spread_beam(before[:, None], rest[:, None], p, **known)[0] for p in (power, 0.0 * power))
         return width / straight
 
-    def moved(self, normal: Array, center: Array) -> RoundMirror:
-        """The same surface, shifted along `normal` until its own center is level with the point `center`."""
-        shift = ((center - self.center) @ normal) * normal
-        return replace(self, shape=replace(self.shape, middle=self.shape.middle + shift), outline=self.outline + shift)
-
     def part_in_beams(self, view: VolumeView, beams: Mask) -> RoundMirror:
         """The part of the surface that the given beams show."""
         range_ = self.met(view)

@@ -8,13 +8,15 @@ Where a wall scatters from inside, they lie behind its face, which `mirrorfold.d
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from mirrorfold.common.statistics import robust_deviation
 from mirrorfold.common.types import Array, Index
+from mirrorfold.detection.mirrors.line_mirror import LineMirror
 from mirrorfold.detection.mirrors.mirror import Mirror
+from mirrorfold.detection.mirrors.plane_mirror import PlaneMirror
 from mirrorfold.detection.views.view import View
 
 PROFILE_SAMPLES = 61
@@ -41,7 +43,8 @@ shorter part says little of a direction."""
 BREAKS, TRIED_BREAKS = (0.1, 0.9), 33
 """First and last place where a row may break into two, as shares of its length; and number of places that are tried."""
 
-M = TypeVar("M", bound=Mirror)
+Flat = TypeVar("Flat", LineMirror, PlaneMirror)
+"""Mirrors that are fitted by moving them: what is curved has a fit of its own."""
 
 
 def flat(points: Array, weight: Array) -> tuple[Array, Array]:
@@ -168,7 +171,7 @@ def kink_residual(along: Array, beside: Array, weight: Array) -> float:
     return min(weighted_residual(design, beside, weight) for design in designs)
 
 
-def refined(mirror: M, view: View, reach: float, lobe: float, clip: float) -> tuple[M, float]:
+def refined(mirror: Flat, view: Any, reach: float, lobe: float, clip: float) -> tuple[Flat, float]:
     """The mirror, moved to the line or plane through the centroids of power across it, with its standard errors.
 
     Also the robust standard deviation [m] of the centroids from it; infinite where there is no fit. `reach`, `lobe` and

@@ -87,14 +87,12 @@ def behind_walls(echoes: Echoes, chain: Chain, by_chain: Mapping[Chain, tuple[Mi
     return met_by(others, *last_leg(echoes, way, view), view.cell(echoes.range), widened(echoes, way))
 
 
-def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight) -> Mask:
+def behind_rows(objects: Echoes, rows: Sequence[Mirror], sight: LinesOfSight, view: ImageView) -> Mask:
     """Which objects in line of sight would stand behind curved rows that are no mirrors, (n,).
 
     Rows are unbroken and let no wave pass: echoes behind them are images of known objects, or multiple scattering.
     """
-    view, behind = sight.view, np.zeros(len(objects), dtype=bool)
-    if not isinstance(view, ImageView):
-        return behind
+    behind = np.zeros(len(objects), dtype=bool)
     for row in rows:
         cell = view.cell_at(row.center)
         range_, direction, _ = view.locate(row.center[None])

@@ -40,7 +40,7 @@ def without_explained(
     behind = {node.chain: behind_walls(node.objects, node.chain, walls, view) for node in nodes}
     if not isinstance(view, ImageView):  # in a volume, only walls are known to hide what is behind them
         return _without(found, {BEHIND: behind})
-    behind[()] |= behind_rows(found.tree.objects, rejected, found.sight)
+    behind[()] |= behind_rows(found.tree.objects, rejected, found.sight, view)
     found = _without(found, {
         BEHIND: behind,
         TO_AND_FRO: to_and_fro(found, view),

@@ -11,11 +11,12 @@ known wall after that turn, is seen in both legs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
 from mirrorfold.common.types import Chain, Mask
-from mirrorfold.detection import Echoes, ImageView, Mirror, View
+from mirrorfold.detection import Echoes, ImageView, Mirror
 from mirrorfold.tree.assignment import Found
 from mirrorfold.tree.explaining.corners import BRIGHTER, Corners
 from mirrorfold.tree.explaining.to_and_fro import bright_echoes
@@ -42,18 +43,17 @@ def in_corners(found: Found, view: ImageView, corners: Corners) -> dict[Chain, M
         walls = [node.way[-1] for node in parent.mirrors]
         for leg, node in zip(walls, parent.mirrors, strict=True):
             others = [wall for wall in (*walls, *parent.way[-1:]) if wall is not leg]
-            marks[node.chain] |= _seen_in_both(node.objects, leg, others, found.sight.view)
+            marks[node.chain] |= _seen_in_both(node.objects, leg, others, cast(ImageView, found.sight.view))
     return marks
 
 
-def _seen_in_both(objects: Echoes, leg: Mirror, walls: Sequence[Mirror], view: View) -> Mask:
+def _seen_in_both(objects: Echoes, leg: Mirror, walls: Sequence[Mirror], view: ImageView) -> Mask:
     """Which of the objects that are seen in the leg of a corner are those of walls, seen in both legs, (n,)."""
     both = np.zeros(len(objects), dtype=bool)
-    if isinstance(view, ImageView):
-        for vertex in vertices_of(leg, view):
-            for wall in walls:
-                turned = 2.0 * vertex - objects.position
-                both |= wall.holds(turned, view.extent(objects.position, wall.normal), 0.0)
+    for vertex in vertices_of(leg, view):
+        for wall in walls:
+            turned = 2.0 * vertex - objects.position
+            both |= wall.holds(turned, view.extent(objects.position, wall.normal), 0.0)
     return both
 
 
