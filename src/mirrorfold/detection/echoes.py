@@ -133,7 +133,7 @@ def noise_level(values: NDArray[Any]) -> float:
         return 0.0
     least = float(held.min())
     cut = held.size < sample.size and np.count_nonzero(held <= CUT * least) > 1 + CUT_SHARE * held.size
-    # Of whole numbers, many are zero and one by rounding alone.
+    # In an image of whole numbers, rounding alone makes many faint samples zero or one.
     return 0.0 if cut and not (whole and least == 1.0) else float(np.median(held)) / RAYLEIGH_MEDIAN
 
 

@@ -33,7 +33,7 @@ def kept_measurements(reconstruction: xr.DataTree) -> Measurer:
     def measure(view: ImageView) -> Measured:
         return Measured(
             explain=partial(known_ghosts, view=view, places=places[0], explanation=places[1]) if places else None,
-            # The kept ones hold for all mirrors and echoes.
+            # What was measured at the ends of mirrors holds whatever mirrors and echoes are found now.
             overhangs=lambda order, echoes: overhangs,
             confocal_share=partial(known_confocal, view=view, places=shares[0], share=shares[1]) if shares else None,
             # Without the sweep nothing was asked about corners, which is not to say that there are none.

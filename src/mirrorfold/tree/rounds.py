@@ -280,8 +280,8 @@ def found_and_ordered(
     order = ordered([*mirrors, *rest])
     if known is not None or not settings.opaque:
         return order
-    # The radar's own antennas, seen in a mirror, are opaque, but no mirror of the scene. Neither is what both legs of a
-    # corner show of a wall.
+    # Images of the radar's own antennas are no mirrors of the scene, nor are images of a wall by way of both legs of a
+    # corner.
     if (images := order.images_of_radar() | order.images_in_corners()).any():
         # The order's mirrors are those of both lists, some of them cut.
         mirrors, rest = [mirror for mirror, image in zip(order.mirrors, images, strict=True) if not image], []

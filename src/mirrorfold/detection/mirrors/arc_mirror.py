@@ -15,7 +15,7 @@ import numpy as np
 from mirrorfold.common.geometry import circle_crossings, turned, unit_or_zero
 from mirrorfold.common.types import Array, Index, Mask
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.line_mirror import SPACING, covered_share
+from mirrorfold.detection.mirrors.line_mirror import covered_share, profile_count
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 
@@ -185,8 +185,7 @@ class ArcMirror(Mirror[ImageView]):
     def places(self, view: ImageView) -> Array:
         """Places in equal steps along the arc, without its ends, (n, 2) [m]."""
         left_out = min(END_CELLS * view.cell_at(self.center), END_SHARE * self.length)
-        count = max(8, int(self.length / (SPACING * view.range_cell)))
-        return self.at(np.linspace(left_out, self.length - left_out, count))
+        return self.at(np.linspace(left_out, self.length - left_out, profile_count(self.length, view)))
 
     def profiles(self, view: ImageView, places: Array, depth: Array) -> tuple[Array, Array]:
         """Square to the arc."""

@@ -21,6 +21,10 @@ STRAY_DEVIATIONS = 4.0
 """Largest distance of a face's echoes from it, in standard deviations: it covers the wings of a beam 40 dB above the
 noise."""
 
+LEVEL = 1e-6
+"""Sine of the angle from the vertical below which the normal of a mirror counts as upright, as that of a floor: no
+direction along it is more horizontal than others."""
+
 FEWEST_BEAMS = 4
 """Least number of beams of a piece of a mirror: fewer have hardly any extent."""
 
@@ -53,7 +57,7 @@ class BeamMirror(Mirror[VolumeView]):
     def tangents(self) -> Array:
         """Unit vectors along the tangent plane at its center, horizontal and up, (2, 3)."""
         across = np.cross([0.0, 0.0, 1.0], self.normal)
-        right = unit(across) if np.linalg.norm(across) > 1e-6 else np.array([1.0, 0.0, 0.0])
+        right = unit(across) if np.linalg.norm(across) > LEVEL else np.array([1.0, 0.0, 0.0])
         return np.stack([right, np.cross(self.normal, right)])
 
     @cached_property

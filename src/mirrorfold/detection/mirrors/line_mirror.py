@@ -14,8 +14,9 @@ from mirrorfold.detection.echoes import Echoes
 from mirrorfold.detection.mirrors.mirror import Mirror
 from mirrorfold.detection.views.image_view import ImageView
 
-SPACING = 0.25
-"""Distance between neighbouring profiles along a mirror, in range cells."""
+SPACING, FEWEST_PROFILES = 0.25, 8
+"""Distance between neighbouring profiles along a mirror, in range cells: the cell along it is hardly smaller, so that
+they show all that varies along it. And least number of profiles of a short mirror: twice what a fit needs."""
 
 CLEAR_SHARE = 0.25
 """Places on a wall that misplaced echoes blur are left out of its profiles, if more than this share of the places is
@@ -109,7 +110,7 @@ class LineMirror(Mirror[ImageView]):
         left_out = END_CELLS * np.sqrt(np.maximum(1.0 - overlap**2, 0.0)) * along
         if left_out.any():
             left_out *= min(1.0, 0.5 * self.length / left_out.sum())
-        count = max(8, int(self.length / (SPACING * view.range_cell)))
+        count = profile_count(self.length, view)
         row = self.at(np.linspace(left_out[0], self.length - left_out[1], count))
         clear = ~view.near_misplaced(row)
         return row[clear] if np.mean(clear) > CLEAR_SHARE else row
@@ -162,6 +163,11 @@ class LineMirror(Mirror[ImageView]):
             smallest *= LEG_SHARE
             kept = [part for part in parts if part.length >= smallest]
         return (kept, [part for part in parts if part.length < smallest]) if kept else ([self], [])
+
+
+def profile_count(length: float, view: ImageView) -> int:
+    """Number of profiles along a mirror of a length [m]."""
+    return max(FEWEST_PROFILES, int(length / (SPACING * view.range_cell)))
 
 
 def covered_share(position: Array, half: Array, length: float) -> float:

@@ -43,6 +43,10 @@ SPACING_CELLS, PIXELS_A_CELL = 0.5, 3.0
 """Distance of neighbouring points on a wall, in resolution cells along it, at which they make up any speckle; and
 largest number of pixels across a cell that are used."""
 
+WIDTHS = 33
+"""Number of places along a wall at which the width of the cell is computed, and interpolated between them: it changes
+slowly, as range and angle of incidence do."""
+
 SMOOTHING = 1e-3
 """Share of the mean power of the response to a point that is added to its own: amplitudes that the image does not tell
 apart stay small."""
@@ -202,7 +206,7 @@ def row_of(mirror: LineMirror, view: ImageView) -> Row | None:
     inside = 0.5 * mirror.length - np.abs(along) > END_CELLS * mirror.section(view, pixel)
     inside &= np.abs(beside) < BAND_CELLS * view.extent(pixel, mirror.normal)
     # The wall may go on, seen by another way: points beyond its ends explain what of that reaches into the band.
-    steps = np.linspace(-0.5 * mirror.length, 0.5 * mirror.length, 33)
+    steps = np.linspace(-0.5 * mirror.length, 0.5 * mirror.length, WIDTHS)
     section = mirror.section(view, mirror.center + steps[:, None] * mirror.direction)
     far = np.concatenate([[steps[0] - section[0]], steps, [steps[-1] + section[-1]]])
     sections = np.interp(0.5 * (far[1:] + far[:-1]), steps, section)

@@ -17,7 +17,7 @@ from mirrorfold.common.decibels import ratio_of
 from mirrorfold.common.geometry import reflect, turned, unit
 from mirrorfold.common.types import Array
 from mirrorfold.detection.echoes import Echoes
-from mirrorfold.detection.mirrors.line_mirror import SPACING, LineMirror
+from mirrorfold.detection.mirrors.line_mirror import LineMirror, profile_count
 from mirrorfold.detection.search.fit import refined
 from mirrorfold.detection.search.lines import PROFILE
 from mirrorfold.detection.search.rows import GAP_CELLS
@@ -171,8 +171,7 @@ def _beside(mirror: LineMirror, view: ImageView, axis: int | None = None) -> Arr
 
 def _levels(mirror: LineMirror, view: ImageView, cells: Sequence[float]) -> Array:
     """Amplitudes at places along the line, at distances `cells` (m,) beside it in resolution cells, (n, m)."""
-    count = max(8, int(mirror.length / (SPACING * view.range_cell)))
-    places = mirror.at(np.linspace(0.0, mirror.length, count))
+    places = mirror.at(np.linspace(0.0, mirror.length, profile_count(mirror.length, view)))
     across = np.outer(view.extent(places, mirror.normal), cells)
     points = places[:, None] + across[..., None] * mirror.normal
     return np.sqrt(view.power_at(*view.to_polar(points)))

@@ -89,8 +89,9 @@ TAIL = 0.2
 """Behind its peak, a profile is used down to this power, relative to the peak: what lies deeper may be of other
 objects, and says nothing of the face."""
 
-END_CELLS = 1.5
-"""Length that is left out at either end of a wall, in cells: it may show the side of an adjoining wall."""
+END_CELLS, END_SHARE = 1.5, 0.25
+"""Length that is left out at either end of a wall, in cells, as it may show the side of an adjoining wall; but at most
+this share of its length, so that half of a short wall is left."""
 
 BEAM_CELLS, BEAM_SAMPLES = 2.5, 161
 """Distance to either side, in resolution cells, over which the power of a beam is summed up, and number of samples: it
@@ -101,6 +102,10 @@ GRAZING = 0.087
 
 PLACES = 9
 """Number of places on a wall, evenly drawn, for which the profile of the cell is computed."""
+
+LEAST_UNCORRELATED = 0.1
+"""Least value of ``1 - k`` in `_face_decorrelation`: where it is less, the speckle of a face changes within a third of
+a standard deviation of the cell, which is finer than the depths at which profiles are compared."""
 
 COHERENCES = 5
 """Number of classes of slabs, by how far their speckle is correlated along the depth."""
@@ -195,7 +200,7 @@ def _best_resolved(across: Array, along: Array, side: float, independent: float)
     Returns the numbers of these places, and how many independent cells they fill.
     """
     first, last = along.min(axis=0), along.max(axis=0)
-    end = np.minimum(END_CELLS * side, 0.25 * (last - first))
+    end = np.minimum(END_CELLS * side, END_SHARE * (last - first))
     inner = np.flatnonzero(np.all((along >= first + end) & (along <= last - end), axis=1))
     inner = inner if inner.size else np.arange(len(across))  # echoes from elsewhere may blur all but its ends
     independent *= inner.size / len(across)
@@ -287,7 +292,7 @@ def _face_decorrelation(mirror: Mirror, view: View, places: Array) -> float:
     _, tangent = _incidence(mirror, view, places)
     range_, cross = view.range_cell**-2.0, view.cross_cell(places) ** -2.0
     k = (tangent * (range_ - cross)) ** 2 / ((range_ + tangent**2 * cross) * (tangent**2 * range_ + cross))
-    return float(np.mean(k / np.maximum(1.0 - k, 0.1)))
+    return float(np.mean(k / np.maximum(1.0 - k, LEAST_UNCORRELATED)))
 
 
 def _predicted(possible: Mask, cell: Array, depth: Array) -> Array:

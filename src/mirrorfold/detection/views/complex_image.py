@@ -57,7 +57,8 @@ class ComplexImage:
         weights = known_weights(antennas, NODES) if isinstance(antennas, str) else np.zeros(0)
         if not weights.size:
             return None
-        # Nodes lie in the middle of equal parts. Samples do so too: each stands for what lies nearest to it.
+        # Each node stands for an equal part of the band, or of an array, and lies in its middle. So does each frequency
+        # and each antenna: band and arrays reach half a step beyond the outermost ones.
         share, points = (np.arange(NODES) + 0.5) / NODES, view.window.size
         low, high = float(attrs["frequency_start"]), float(attrs["frequency_stop"])
         beyond = 0.5 * (high - low) / (points - 1)

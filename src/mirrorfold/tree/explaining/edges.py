@@ -75,7 +75,8 @@ def before_ends(order: Order, echoes: Echoes, owner: Index) -> Index:
             here = (owner == mirror) & (through == mirror)
             near = (beside_in == mirror).any(axis=0)
             for other in np.unique(shown[here & (shown != mirror) & (shown != UNSEEN)]):
-                # Not beside the end of a mirror that is seen in this one. Beyond its end, a curved one shows nothing.
+                # The mirror does not end there if another one begins that it shows. And a curved one shows nothing
+                # beyond its own end.
                 if other not in (ROOT, parent) and (order.parent[other] == mirror or order.mirrors[other].curvature):
                     continue
                 wall = near & (of_wall == other) & (order.face != mirror)

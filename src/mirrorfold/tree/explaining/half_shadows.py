@@ -88,7 +88,8 @@ def half_shadows(order: Order, echoes: Echoes, waves: SweepWaves, known: Known) 
     for index, mirror in enumerate(order.mirrors):
         if not isinstance(mirror, LineMirror):
             continue
-        # Whatever the lines of sight meet behind the mirror, or past its end.
+        # Echoes behind the line of the mirror whose own line of sight gets there by the way by which the radar sees the
+        # mirror: it may meet the mirror there, or pass its end.
         met = view.meets(mirror.normal, mirror.center)[echoes.direction]
         beside = order.seen_through(met, echoes.direction) == order.parent[index]
         behind = mirror.behind(view, echoes.position) > BEHIND_CELLS * view.range_cell
