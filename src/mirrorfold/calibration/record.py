@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.common.arguments import wrong_kind
+from mirrorfold.common.plausible import as_real_numbers
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import PAIR_DIMENSIONS, check_sweep, is_raster
@@ -61,7 +62,7 @@ MODERATE = (1e-12, 1e12)
 
 def single_precision_scale(s: NDArray[np.complexfloating]) -> float:
     """The largest of the samples where their powers would overflow or vanish in single precision; elsewhere one."""
-    peak = max((float(np.maximum(np.abs(part.real), np.abs(part.imag)).max(initial=0.0)) for part in s), default=0.0)
+    peak = max((float(np.abs(as_real_numbers(part)).max(initial=0.0)) for part in s), default=0.0)
     return 1.0 if peak == 0.0 or MODERATE[0] < peak < MODERATE[1] else peak
 
 

@@ -16,4 +16,5 @@ PHASE_STEP = np.float32(2.0 * np.pi / PHASES)
 
 def phase_of(image: NDArray[Any]) -> NDArray[np.float32]:
     """Phase of the pixels of an image [rad], of the same shape, 0 to 2 pi in steps of `PHASE_STEP`."""
-    return (np.rint(np.angle(image) / PHASE_STEP) % PHASES).astype(np.float32) * PHASE_STEP
+    step = np.rint(np.angle(image) / PHASE_STEP).astype(np.float32)
+    return (step + np.float32(PHASES) * (step < 0.0)) * PHASE_STEP

@@ -231,6 +231,23 @@ def radians_for_degrees(azimuth: Array, elevation: Array, wavelength: float) -> 
     )
 
 
+def as_real_numbers(values: NDArray) -> NDArray:
+    """All real numbers in an array, (n,): real and imaginary parts of complex values, which NumPy handles slowly."""
+    flat = values.ravel("K")
+    return flat.view(flat.real.dtype)
+
+
+def not_finite(values: NDArray) -> int:
+    """Number of values that are NaN or infinite.
+
+    Examples
+    --------
+    >>> not_finite(np.array([[1.0, complex(np.nan, np.inf)], [2j, complex(0.0, np.inf)]]).T)
+    2
+    """
+    return 0 if np.isfinite(as_real_numbers(values)).all() else int(np.count_nonzero(~np.isfinite(values)))
+
+
 def any_nonzero(values: NDArray) -> bool:
     """Whether any value is not zero; the first row is looked at first, since it mostly settles the question."""
     return bool(values[:1].any() or values.any())

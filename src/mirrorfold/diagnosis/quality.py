@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.masking import Bad, find_bad
-from mirrorfold.common.plausible import constant_part
+from mirrorfold.common.plausible import any_nonzero, constant_part, not_finite
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
 from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of, uneven_steps, without_rounding
 
@@ -61,9 +61,10 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
 def _constant_findings(sweep: xr.Dataset) -> list[Finding]:
     """The finding that no sample differs from those at other frequencies, as where a parameter was not measured."""
     s = sweep["s"]
-    if "frequency" not in s.dims or s.sizes["frequency"] < FEWEST_TIMES or not s.values.any():
+    if "frequency" not in s.dims or s.sizes["frequency"] < FEWEST_TIMES or not any_nonzero(s.values):
         return []
-    if (s.values != s.isel(frequency=[0]).values).any():
+    first, *others = np.moveaxis(s.values, s.get_axis_num("frequency"), 0)
+    if any((other != first).any() for other in others):
         return []
     what = "The samples of each channel are the same at all frequencies: they hold no echo."
     remedy = "import the parameter (--parameter) or the variable that was measured"
@@ -144,7 +145,7 @@ def _unit_findings(sweep: xr.Dataset) -> list[Finding]:
 
 def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
     """One finding for each kind of bad channels or frequencies, as `find_bad` found them."""
-    missing = int(np.count_nonzero(~np.isfinite(sweep["s"].values)))
+    missing = not_finite(sweep["s"].values)
     channels = bad.dead.size
     remedy, by_command = (AGAIN, False) if bad.channels.all() else (MASK, True)
     found = []

@@ -18,6 +18,7 @@ from mirrorfold.common.plausible import (
     implausible_array,
     length_unit,
     may_be_sound,
+    not_finite,
     pitch,
     radians_for_degrees,
     unplaced,
@@ -168,7 +169,7 @@ def _check_units(sweep: xr.Dataset, refuse: Refuse) -> None:
 
 def _check_samples(s: xr.DataArray, refuse: Refuse) -> None:
     """Refuse samples that are not finite, all zero, or real or imaginary parts alone."""
-    missing = int(np.count_nonzero(~np.isfinite(s.values)))
+    missing = not_finite(s.values)
     if missing:
         raise refuse(
             f"s holds {missing} samples of {s.size} that are not finite (NaN or infinite); "

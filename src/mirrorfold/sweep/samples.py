@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from mirrorfold.common.arguments import expect_unit, wrong_kind
+from mirrorfold.common.plausible import as_real_numbers
 from mirrorfold.common.types import Array
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import AXES
@@ -92,7 +93,8 @@ def check_level(name: str, s: NDArray[np.complexfloating]) -> None:
     InputError
         The message tells the largest part of a sample, and what is allowed.
     """
-    largest = max((max(float(part.max()), -float(part.min())) for part in (s.real, s.imag) if part.size), default=0.0)
+    numbers = as_real_numbers(s)
+    largest = max(float(numbers.max(initial=0.0)), -float(numbers.min(initial=0.0)))
     allowed = float(np.finfo(np.float32).max) / max(s.size, 1)
     if allowed < largest < np.inf:
         raise InputError(

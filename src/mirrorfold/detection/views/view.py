@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit
 from mirrorfold.common.geometry import unit_or_zero
+from mirrorfold.common.plausible import not_finite
 from mirrorfold.common.statistics import consecutive, in_equal_steps
 from mirrorfold.common.types import Array, Complex, Index, Mask
 from mirrorfold.common.windows import cell_of
@@ -309,7 +310,7 @@ def check_samples(image: xr.DataArray, dims: tuple[str, ...]) -> None:
     check_facts(image.attrs, "image")
     if image.dtype.kind not in "cfiu":
         raise InputError(f"image: holds values of type {image.dtype}, expected real or complex amplitudes")
-    if missing := int(np.count_nonzero(~np.isfinite(image.values))):
+    if missing := not_finite(image.values):
         wrong = f"{missing} of {image.size} pixels are not finite (NaN or infinite); mask them with 0"
         raise InputError(f"image: {wrong}")
     if image.dtype.kind != "c" and (image.values < 0).sum() > NEGATIVE_SHARE * np.count_nonzero(image.values):

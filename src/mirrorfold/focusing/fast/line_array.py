@@ -206,7 +206,8 @@ class _PartPlan:
         problem, lattice = part.problem, part.lattice
         self.part, self.tolerance = part, tolerance
         label, spans = _sectors(problem, lattice, _edges(problem, lattice))
-        label[~np.isin(label, part.fast)] = 0
+        for n in set(range(len(spans))).difference(part.fast):
+            label[label == n] = 0
         self.sectors: list[LineArraySector] = []
         for n in part.fast:
             runs = _runs(label, n)

@@ -14,6 +14,7 @@ from mirrorfold.common.arguments import number
 from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit, doubt_angles, radar_place
 from mirrorfold.common.kernels import njit
 from mirrorfold.common.memory import check_room
+from mirrorfold.common.plausible import not_finite
 from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.threads import for_each
 from mirrorfold.common.types import Array
@@ -117,7 +118,7 @@ def _samples(volume: xr.DataArray) -> NDArray[np.float32]:
         If this is no volume, or samples are not finite.
     """
     values = beams_of(volume)
-    if missing := int(np.count_nonzero(~np.isfinite(values))):
+    if missing := not_finite(values):
         wrong = f"{missing} of {values.size} samples are not finite (NaN or infinite); replace them, as by zero"
         raise InputError(f"volume: {wrong}")
     return magnitudes(values)

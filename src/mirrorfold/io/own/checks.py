@@ -11,7 +11,7 @@ import xarray as xr
 
 from mirrorfold.common.arguments import in_message, wrong_kind
 from mirrorfold.common.facts import VOLUME, VOXELS, check_facts, check_unit
-from mirrorfold.common.plausible import unplaced
+from mirrorfold.common.plausible import not_finite, unplaced
 from mirrorfold.errors import InputError
 from mirrorfold.sweep import STEP_TOLERANCE
 
@@ -189,7 +189,7 @@ def check_image(image: xr.DataArray, source: str = "image") -> xr.DataArray:
     if image.size == 0:
         raise InputError(f"{source}: is empty, its shape is {image.shape}; an image needs at least one pixel")
     _check_axes(image, source)
-    missing = int(np.count_nonzero(~np.isfinite(image.values)))
+    missing = not_finite(image.values)
     if missing:
         raise InputError(
             f"{source}: {missing} pixels of {image.size} are not finite (NaN or infinite); "
