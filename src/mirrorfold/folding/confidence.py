@@ -79,10 +79,10 @@ radar."""
 WEIGHTS_MEASURED: Weights = {
     "in line of sight": (-8.6, 0.0, 2.5, 0.0, 6.1, 0.0, 0.0),
     "behind mirrors": (-11.3, 0.0, 1.35, -3.6, 13.4, 0.11, 0.0),
-    "on mirrors": (4.0, 0.0, 0.0, -1.8, 0.0, 0.0, 0.0),
+    "on mirrors": (5.0, 0.0, 0.0, -1.8, 0.0, 0.0, 0.0),
 }
-"""The same where the sweep tells how much of the energy came back the way it went, and helped to find the mirrors. In
-ray scenes no point on a face is then false; the weight 4.0 allows for one in fifty."""
+"""The same where the sweep tells how much of the energy came back the way it went, and helped to find the mirrors. Of
+some 170 mirrors in 67 scenes by rays and full waves, none is then false; the weight 5.0 allows for one in 150."""
 
 TABLES = WEIGHTS, WEIGHTS_ONE_WAY, WEIGHTS_MEASURED
 """All weights, in the order of `table_numbers`."""
