@@ -24,6 +24,7 @@ from mirrorfold.common.plausible import (
     unplaced,
 )
 from mirrorfold.common.slabs import POLARIZATIONS
+from mirrorfold.common.statistics import without_play
 from mirrorfold.common.units import FARTHEST, SLOWEST, other_unit
 from mirrorfold.errors import InputError
 from mirrorfold.sweep.facts import (
@@ -79,7 +80,7 @@ def check_sweep(sweep: xr.Dataset, source: str = "sweep") -> xr.Dataset:
             "phase where there are only magnitudes"
         )
     if is_raster(sweep):
-        _check_directions(sweep, refuse)
+        sweep = _directions(sweep, refuse)
     else:
         _check_positions(sweep, refuse)
     _check_attrs(sweep, refuse)
@@ -332,8 +333,11 @@ def _check_positions(sweep: xr.Dataset, refuse: Refuse) -> None:
             raise refuse(f"axis is ({', '.join(axes)}), expected (x, y, z); sweep.sel(axis=['x', 'y', 'z']) sorts it")
 
 
-def _check_directions(sweep: xr.Dataset, refuse: Refuse) -> None:
-    """Refuse beam directions that do not rise, azimuths of a full turn, and elevations beyond -90 to 90 degrees."""
+def _directions(sweep: xr.Dataset, refuse: Refuse) -> xr.Dataset:
+    """The scan with beam directions in exactly equal steps where only rounding or play make their steps differ.
+
+    Refused are directions that do not rise, azimuths of a full turn, and elevations beyond -90 to 90 degrees.
+    """
     for name in ("azimuth", "elevation"):
         angle = sweep[name].values
         if sweep[name].dims != (name,) or angle.dtype.kind not in "fiu" or not np.isfinite(angle).all():
@@ -348,3 +352,6 @@ def _check_directions(sweep: xr.Dataset, refuse: Refuse) -> None:
             f"elevation goes from {elevation[0]:g} to {elevation[-1]:g}, expected degrees above the horizon, more than "
             "-90 and less than 90"
         )
+    even = {name: without_play(sweep[name].values) for name in ("azimuth", "elevation")}
+    changed = {name: sweep[name].copy(data=axis) for name, axis in even.items() if (axis != sweep[name].values).any()}
+    return sweep.assign_coords(changed) if changed else sweep

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from scans import FREQUENCY, SPOT, point_sweep
+from scans import FREQUENCY, SPOT, panel, point_sweep, scene
 from scipy.constants import speed_of_light
 
 import mirrorfold as mf
 from mirrorfold.common.beams import beam_angles, beam_direction, beam_radius
+from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.windows import window
 from mirrorfold.detection.views.volume_view import to_volume_view
 from mirrorfold.detection.volume_echoes import find_runs
@@ -126,3 +127,17 @@ def test_voxels_interpolate_the_volume():
     expected = np.abs(volume).interp(where).transpose("z", "y", "x").values
     assert np.abs(voxels.values - expected).max() < 1e-3 * expected.max()
     assert mf.focus(point_sweep((0.03, 1.2, 0.02)), x=x, y=y, z=z).dims == ("z", "y", "x")
+
+
+def test_angles_with_two_decimals_or_the_play_of_a_drive_are_equal_steps_and_fold():
+    sweep = mf.simulate(scene(panel(), beams=37))
+    azimuth = sweep["azimuth"].values
+    assert not in_equal_steps(azimuth.round(1))  # steps of 0.444 degrees
+    play = 0.1 * np.random.default_rng(0).uniform(-1.0, 1.0, azimuth.size)
+    for written in (azimuth.round(1), azimuth + play * np.diff(azimuth).mean()):
+        volume = mf.focus(sweep.assign_coords(azimuth=written))
+        assert in_equal_steps(volume["azimuth"].values)
+        np.testing.assert_allclose(volume["azimuth"], azimuth, atol=0.1 * np.diff(azimuth).mean())
+        assert mf.fold(volume)["mirrors"].sizes["mirror"] == 1
+    uneven = np.degrees(np.arcsin(np.linspace(-0.5, 0.5, azimuth.size)))
+    np.testing.assert_array_equal(mf.focus(sweep.assign_coords(azimuth=uneven))["azimuth"], uneven)
