@@ -11,6 +11,7 @@ from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.imbalance import imbalance_findings
 from mirrorfold.diagnosis.physics import unit_findings, wave_findings
 from mirrorfold.diagnosis.quality import sample_findings
+from mirrorfold.diagnosis.repeated import repeated_findings
 from mirrorfold.diagnosis.scans import scan_findings
 from mirrorfold.sweep import is_raster
 
@@ -34,7 +35,7 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     sweep = sweep.assign(s=sweep["s"].copy(data=scaled_to_single_precision(sweep["s"].values)))
     found = sample_findings(sweep)
     sweep = _first_part(sweep)
-    found += imbalance_findings(sweep)
+    found += imbalance_findings(sweep) + repeated_findings(sweep)
     if is_raster(sweep):
         other, judged = scan_findings(sweep)
         other = unit_findings(sweep) or other

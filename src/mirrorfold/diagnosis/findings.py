@@ -19,7 +19,8 @@ class Finding:
         A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
         "range-reversed", "nan", "constant", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
         "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "phase-unit",
-        "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases".
+        "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases",
+        "silent-frequencies", "repeated-samples", "stuck-stage".
     what : str
         A sentence for people.
     sure : float

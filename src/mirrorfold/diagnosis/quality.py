@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mirrorfold.calibration.masking import Bad, find_bad
+from mirrorfold.common.decibels import power_ratio_of
 from mirrorfold.common.plausible import any_nonzero, constant_part, not_finite
 from mirrorfold.diagnosis.findings import CERTAIN, Finding
 from mirrorfold.sweep import STEP_TOLERANCE, frequency_unit_of, uneven_steps, without_rounding
@@ -44,10 +45,18 @@ transducer, 40 dB down at its ends, has 0.07 in 32 frequencies."""
 ROUGH_BY_CHANCE = 6.0
 """The same times the root of the number of channels. Speckle has ``sqrt(6)``."""
 
+FEWEST_SILENT, SILENT_SHARE = 8, 0.02
+"""Smallest number of frequencies at an end of the band, and smallest share of all, that are named when silent: windows
+and rounded ends of a band make fewer."""
+
+SILENT_DB = -6.0
+"""Largest level of all silent frequencies against each of the `FEWEST_SILENT` beside them [dB]. At the end of a window
+or of a transducer's band the level falls by 2 dB from one frequency to the next."""
+
 
 def sample_findings(sweep: xr.Dataset) -> list[Finding]:
-    """Find samples that are missing, dead, clipped, noise, without phase or over time, and frequencies with wrong steps
-    or units.
+    """Find samples that are missing, dead, clipped, noise, without phase or over time, and frequencies that are silent,
+    or have wrong steps or units.
 
     Parameters
     ----------
@@ -55,7 +64,11 @@ def sample_findings(sweep: xr.Dataset) -> list[Finding]:
         With a complex variable s; need not be valid otherwise.
     """
     kind = _constant_findings(sweep) or _phase_findings(sweep) or _phase_unit_findings(sweep) or _domain_findings(sweep)
-    return [*_unit_findings(sweep), *(kind or _bad_findings(find_bad(sweep), sweep)), *_step_findings(sweep)]
+    return [
+        *_unit_findings(sweep),
+        *(kind or [*_bad_findings(find_bad(sweep), sweep), *_silent_findings(sweep)]),
+        *_step_findings(sweep),
+    ]
 
 
 def _constant_findings(sweep: xr.Dataset) -> list[Finding]:
@@ -169,6 +182,39 @@ def _bad_findings(bad: Bad, sweep: xr.Dataset) -> list[Finding]:
         what = f"{int(spurs.sum())} of {spurs.size} frequencies stand out of their neighbours ({places}{more} GHz)."
         found.append(Finding("bad-frequencies", what, SURE_BY_LEVEL, remedy, by_command))
     return found
+
+
+def _silent_findings(sweep: xr.Dataset) -> list[Finding]:
+    """The finding that an end of the band holds no echoes: the level drops from one frequency to the next, for good."""
+    s = sweep["s"]
+    if "frequency" not in s.dims or "frequency" not in sweep.variables:
+        return []
+    values = np.moveaxis(s.values, s.get_axis_num("frequency"), 0).reshape(s.sizes["frequency"], -1)
+    some = np.flatnonzero(values.any(axis=0))
+    some = some[:: max(1, some.size // ENOUGH_CHANNELS)]
+    if not some.size or not np.isfinite(values[:, some]).all():
+        return []
+    power = np.median(np.abs(values[:, some].astype(complex)) ** 2, axis=1)
+    first, last = _silent(power), power.size - _silent(power[::-1])
+    if first == 0 and last == power.size:
+        return []
+    frequency = sweep["frequency"].values
+    ends = [f"below {frequency[first] / 1e9:.6g} GHz"] if first else []
+    ends += [f"above {frequency[last - 1] / 1e9:.6g} GHz"] if last < power.size else []
+    what = (
+        f"{power.size - (last - first)} of {power.size} frequencies, {' and '.join(ends)}, hold no echo: the source "
+        "dropped out there, or zeros were appended. The band that resolves ranges is narrower than it seems."
+    )
+    remedy = f"measure again, or leave them out in Python: sweep.isel(frequency=slice({first}, {last}))"
+    return [Finding("silent-frequencies", what, CERTAIN, remedy, by_command=False)]
+
+
+def _silent(power: NDArray[np.float64]) -> int:
+    """Number of silent frequencies at the beginning of a band, by the powers of all (frequencies,)."""
+    for n in range(power.size - FEWEST_SILENT, max(FEWEST_SILENT, int(SILENT_SHARE * power.size)) - 1, -1):
+        if power[:n].max() < power_ratio_of(SILENT_DB) * power[n : n + FEWEST_SILENT].min():
+            return n
+    return 0
 
 
 def _step_findings(sweep: xr.Dataset) -> list[Finding]:
