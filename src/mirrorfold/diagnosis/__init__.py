@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from mirrorfold.calibration.record import scaled_to_single_precision
+from mirrorfold.diagnosis.backlash import backlash_findings
 from mirrorfold.diagnosis.exchanged_axes import axis_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.imbalance import imbalance_findings
@@ -35,7 +36,7 @@ def diagnose(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     sweep = sweep.assign(s=sweep["s"].copy(data=scaled_to_single_precision(sweep["s"].values)))
     found = sample_findings(sweep)
     sweep = _first_part(sweep)
-    found += imbalance_findings(sweep) + repeated_findings(sweep)
+    found += imbalance_findings(sweep) + repeated_findings(sweep) + backlash_findings(sweep)
     if is_raster(sweep):
         other, judged = scan_findings(sweep)
         other = unit_findings(sweep) or other

@@ -20,7 +20,8 @@ class Finding:
         "range-reversed", "nan", "constant", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
         "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "phase-unit",
         "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases",
-        "silent-frequencies", "repeated-samples", "stuck-stage".
+        "silent-frequencies", "repeated-samples", "stuck-stage",
+        "stage-backlash".
     what : str
         A sentence for people.
     sure : float
