@@ -21,7 +21,7 @@ class Finding:
         "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "phase-unit",
         "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases",
         "silent-frequencies", "repeated-samples", "stuck-stage",
-        "stage-backlash".
+        "stage-backlash", "antenna-order".
     what : str
         A sentence for people.
     sure : float

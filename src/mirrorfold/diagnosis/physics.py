@@ -15,6 +15,7 @@ from scipy.constants import speed_of_light
 from mirrorfold.common.plausible import FINE_PITCH, pitch
 from mirrorfold.common.units import UNITS
 from mirrorfold.diagnosis.direct import direct_findings
+from mirrorfold.diagnosis.few_antennas import few_antenna_findings
 from mirrorfold.diagnosis.findings import Finding
 from mirrorfold.diagnosis.mistakes import SURE_ENOUGH, Explanation, explain
 from mirrorfold.diagnosis.neighbours import phase_findings
@@ -63,6 +64,8 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         # What returns inside the instrument is the same at all places: a flat wave from range zero, as if time ran
         # backwards from the end of the ambiguous range.
         every = replace(every, s=every.s - every.s.mean(axis=1, keepdims=True))
+    if not is_monostatic(sweep) and (found := few_antenna_findings(every)):
+        return found, {"waves": False, "exchange": False}
     pairs = on_a_line(every)
     exchange = len(pairs.tx) == len(pairs.rx) and not _abreast(pairs)
     unit = _unit(pairs)
