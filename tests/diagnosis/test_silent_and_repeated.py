@@ -50,6 +50,7 @@ def named(s):
     return [finding.name for finding in diagnose(sweep(s))[0]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", [False, True])
 def test_a_source_that_dropped_out_is_named_with_the_band_that_is_left(moving):
     s = echoes(0, moving=moving)
@@ -65,6 +66,7 @@ def test_a_source_that_dropped_out_is_named_with_the_band_that_is_left(moving):
     assert "slice(10, 107)" in mf.info(sweep(dropped)).findings[0].fix
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", [False, True])
 def test_a_window_the_band_of_a_transducer_and_a_wall_ahead_are_no_slips(moving):
     s = echoes(1, moving=moving, wall=30.0, snr_db=30.0)

@@ -129,6 +129,7 @@ def test_voxels_interpolate_the_volume():
     assert mf.focus(point_sweep((0.03, 1.2, 0.02)), x=x, y=y, z=z).dims == ("z", "y", "x")
 
 
+@pytest.mark.slow
 def test_angles_with_two_decimals_or_the_play_of_a_drive_are_equal_steps_and_fold():
     sweep = mf.simulate(scene(panel(), beams=37))
     azimuth = sweep["azimuth"].values
