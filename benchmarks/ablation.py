@@ -68,7 +68,7 @@ WITHOUT: dict[str, tuple[Instead, dict[str, Any]]] = {
     "mixed paths and late echoes": ({measured: {"misplaced": lambda echoes, **named: np.full(len(echoes), "")}}, {}),
     "late echoes by more than one period": ({wrapped: {"MOST_PERIODS": 1}}, {}),
     "grating lobes": ({misplaced: {"lobe_level": lambda waves, view, range_, u: np.zeros(range_.size)}}, {}),
-    "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Overhangs.nothing()}}, {}),
+    "half-shadows": ({measured: {"half_shadows": lambda *given, **named: Overhangs()}}, {}),
     "short rows": ({kinds: {"find_short": lambda found, *given, besides, **named: (found, besides)}}, {}),
     "faint ends of rows": ({lines._Lines: {"strong_share": 1.0}}, {}),
     "rows that end where echoes are much fainter": ({lines: {"FAINTER_CELLS": np.inf}}, {}),

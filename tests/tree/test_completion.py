@@ -63,13 +63,16 @@ def test_walls_edge_on_are_looked_for_between_mirrors_in_line_of_sight(monkeypat
     assert asked == [[near]]
 
 
-def test_rows_by_way_of_a_mirror_are_no_halves_of_one_in_line_of_sight():
-    """The same two rows and the object, behind a mirror: what is seen there is joined by nothing."""
+@pytest.mark.parametrize("last", [0.5, -0.045])
+def test_rows_by_way_of_a_mirror_are_halves_of_one_wall_where_both_are_seen_by_that_way(last):
+    """The same two rows and the object, behind a mirror that shows all of them, or all but the right row."""
     shift = np.array([0.0, 0.8])
     parts = [diffuse(*(np.array(part) + shift), seed) for seed, part in enumerate((LEFT, RIGHT, OBJECT))]
-    near = LineMirror(np.array([-0.5, 1.0]), np.array([0.5, 1.0]))
+    near = LineMirror(np.array([-0.6, 1.0]), np.array([last, 1.0]))
     view = radar_view(*together(*parts, diffuse(*near.ends, 7)), noise=1e-3)
-    assert complete((view, find_ridges(view)), [near], 0.7) == [near]
+    same, *whole = complete((view, find_ridges(view)), [near], 0.7)
+    assert same is near
+    assert [mirror.length for mirror in whole] == pytest.approx([1.0] if last > 0.0 else [], abs=0.05)
 
 
 @pytest.mark.parametrize("by_way", [False, True])

@@ -69,6 +69,16 @@ def test_a_mirror_is_cut_where_the_view_by_way_of_another_ends(view):
     assert_array_equal(order.parent, [ROOT, 3, ROOT, ROOT, ROOT])
 
 
+def test_what_is_cut_off_a_mirror_cuts_no_other(view):
+    """The first hides a part of the near one. Without that part, enough is left of the middle one to be a mirror."""
+    first, near = line([-0.35, 0.5], [-0.125, 0.5]), line([-0.6, 1.0], [0.45, 1.0])
+    middle, far = line([-1.25, 1.5], [-0.55, 1.5]), line([-1.9, 2.0], [-0.5, 2.0])
+    order, _ = ordered(view, [first, near, middle, far], opaque=False, minimum_length=0.4)
+    expected = [[-0.35, -0.125], [-0.25, 0.45], [-1.05, -0.55], [-1.9, -1.4], [-1.4, -0.73]]
+    assert_allclose(ends(order), expected, atol=0.03)
+    assert_array_equal(order.parent, [ROOT, ROOT, 0, ROOT, 2])
+
+
 @pytest.mark.parametrize(("past", "moved", "parent"), [(1.0, 0.0, 0), (1.0, 0.06, ROOT), (3.0, 0.0, ROOT)])
 def test_the_image_of_a_wall_past_the_end_of_a_mirror_is_seen_in_the_mirror(view, past, moved, parent):
     """Most lines of sight to the image miss the mirror, by so many beams. What is no image is a wall of its own."""

@@ -1,7 +1,7 @@
 """Mirrors that are found once the order is known: parts beyond the shadow of an object, and walls seen edge-on.
 
 Only the order tells which parts of a wall objects hide, and which mirrors are in line of sight. With it, a mirror is
-prolonged to where its row of echoes goes on behind a shadow or a faint gap, and two short rows on one line are joined.
+prolonged to where its row of echoes goes on behind a shadow or a faint gap, and two short rows on one line that are seen by the same way are joined.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mirrorfold.common.types import ROOT
+from mirrorfold.common.types import ROOT, UNSEEN
 from mirrorfold.detection import Echoes, ImageView, LineMirror, Mirror
 from mirrorfold.detection.finding import find_mirrors
 from mirrorfold.detection.search.coherent import trimmed
@@ -41,11 +41,14 @@ def completed(
         longer.append(trimmed(beyond_shadows(mirror, view, loose.take(same), clear, known), view))
     arcs = [mirror for mirror in mirrors if not isinstance(mirror, LineMirror)]
 
-    sighted = loose.take(through == ROOT)
-    rows = [row for row in find_mirrors(view, sighted, minimum_length=0.5 * shortest) if isinstance(row, LineMirror)]
-    halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
-    whole = [trimmed(row, view) for row in joined(halves, view, sighted, clear, shortest)]
+    whole, images = list[LineMirror](), list[LineMirror]()
+    for way in np.unique(through[through != UNSEEN]):
+        seen = loose.take(through == way)
+        rows = [row for row in find_mirrors(view, seen, minimum_length=0.5 * shortest) if isinstance(row, LineMirror)]
+        halves = [row for row in rows if not any(lies_on(row, mirror, view) for mirror in longer)]
+        whole += [trimmed(row, view) for row in joined(halves, view, seen, clear, shortest)]
+        if way == ROOT:
+            images = [row for row in halves if row.length >= SHORT_CELLS / MINIMUM_CELLS * shortest]
     direct = [mirror for mirror, before in zip(order.mirrors, order.parent, strict=True) if before == ROOT]
-    seen = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
-    images = [row for row in halves if row.length >= SHORT_CELLS / MINIMUM_CELLS * shortest]
-    return [*longer, *arcs, *whole, *edge_on(seen, images, view, echoes, shortest)]
+    sighted = [mirror for mirror in direct if isinstance(mirror, LineMirror)]
+    return [*longer, *arcs, *whole, *edge_on(sighted, images, view, echoes, shortest)]

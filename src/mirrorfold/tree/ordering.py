@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 BEAM = 0.5
 """Width, in resolution cells, of the beams of which the brightest echoes give the reference level behind a mirror."""
 
+MOST_CUTS = 4
+"""Number of passes in which mirrors cut each other at most: two or three mostly settle all pieces."""
+
 PAST_CELLS = 2.0
 """How far past the end of a mirror the image of a wall may go on, in resolution cells: the beam of half of the array is
 as wide."""
@@ -177,8 +180,8 @@ def _cut(
     `met_at` gives the `crossing` of a mirror.
     """
     pieces, remains = [[mirror] for mirror in mirrors], list[Mirror]()
-    # A piece of a mirror that is itself cut may be the parent: the second pass uses the pieces of the first.
-    for _ in range(2):
+    # A piece of a mirror that is itself cut may be the parent: each pass uses the pieces of the one before.
+    for _ in range(MOST_CUTS):
         cut = list[tuple[list[Mirror], list[Mirror]]]()
         for i, mirror in enumerate(mirrors):
             go_on()  # the time grows with the number of others: hundreds of mirrors take a minute
@@ -186,7 +189,10 @@ def _cut(
             directions, before = _last_before(0, np.stack([met_at(one) for one in (mirror, *others)]))
             whole = not directions.size or np.all(before == before[0])
             cut.append(([mirror], []) if whole else mirror.pieces(view, directions, before, smallest))
+        last = pieces
         pieces, remains = [kept for kept, _ in cut], [small for _, rest in cut for small in rest]
+        if [[piece.size for piece in own] for own in pieces] == [[piece.size for piece in own] for own in last]:
+            break
     return list(chain(*pieces)), remains
 
 
