@@ -1,7 +1,8 @@
 """Mirrors that are found once the order is known: parts beyond the shadow of an object, and walls seen edge-on.
 
 Only the order tells which parts of a wall objects hide, and which mirrors are in line of sight. With it, a mirror is
-prolonged to where its row of echoes goes on behind a shadow or a faint gap, and two short rows on one line that are seen by the same way are joined.
+prolonged to where its row of echoes goes on behind a shadow or a faint gap, and two short rows on one line, seen by the
+same way, are joined.
 """
 
 from __future__ import annotations
