@@ -42,9 +42,10 @@ LEAST_OVER_FACE_DB, MOST_OVER_FACE_DB = -20.0, 10.0
 """Limits of the level against the face of the mirror [dB]: lower and higher levels count as these."""
 
 LEAST_SHARE = 0.7
-"""Share of energy that came back the way it went, as which smaller shares down to `OWN_SHARE` count: what arrives from
-elsewhere at the same range lowers the share of a true echo, too. With less than `OWN_SHARE`, most of the energy came
-back another way, and the share counts as it is."""
+"""Share of energy that came back the way it went, as which smaller shares count: what arrives from elsewhere at the
+same range lowers the share of a true echo, too. In line of sight, it counts as it is below `OWN_SHARE`, with which most
+of the energy came back another way. Behind mirrors, what is left of such echoes, once mixed paths were taken out, is
+mostly true."""
 
 FEATURES = "one", "excess", "neighbours", "astray", "share", "over", "deeper"
 """Names of the columns of `features`."""
@@ -223,7 +224,8 @@ def features(points: Points, view: View, mirror_error: Array, over_face: Array) 
     for each in range(kind.max(initial=-1) + 1):
         own = kind == each
         count[own], share[own] = _neighbours(cells[own], share[own])
-    share = np.where(share < OWN_SHARE, share, np.maximum(share, LEAST_SHARE))
+    foreign = (points.bounces == 0) & (share < OWN_SHARE)
+    share = np.where(foreign, share, np.maximum(share, LEAST_SHARE))
     excess = to_db(points.amplitude / np.maximum(points.exceeded, np.finfo(float).tiny))
     return np.column_stack([
         np.ones_like(count), np.clip(excess, 0.0, MOST_EXCESS_DB), np.log2(count),
