@@ -26,7 +26,7 @@ from mirrorfold.detection.search.lines import DEEP, PROFILE
 def bare_mirrors(echoes, view, monkeypatch):
     """Mirrors without the search for the face."""
     with monkeypatch.context() as patch:
-        patch.setattr("mirrorfold.detection.search.lines.find_front", lambda mirror, view: Front(0.0, 0.0))
+        patch.setattr("mirrorfold.detection.search.lines._front", lambda mirror, view: Front(0.0, 0.0))
         return find_mirrors(replace(view), echoes)  # another view, which knows nothing of these rows yet
 
 
