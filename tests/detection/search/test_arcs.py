@@ -151,6 +151,19 @@ def test_rough_arcs_are_found_with_their_radius(seed: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("stray", "count"), [(0.0, 1), (0.01, 0)])
+def test_rows_that_stray_to_either_side_are_no_arcs(stray: float, count: int, seed: int) -> None:
+    """By a third of a resolution cell, as pieces of several things do that lie near a circle."""
+    random, angle = np.random.default_rng(seed), np.radians(np.linspace(180.0, 320.0, 300))
+    away = 0.25 + stray * np.sign(np.sin(14.0 * angle + seed))
+    points = np.array([0.6, 1.3]) + away[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    strength = random.standard_normal(len(angle)) + 1j * random.standard_normal(len(angle))
+    view = radar_view(points, strength, noise=0.02, seed=seed)
+    assert len(find_arcs(view, find_ridges(view))) == count
+
+
+@pytest.mark.slow
 def test_gentle_arcs_are_found_whatever_their_speckle() -> None:
     """They bulge by 2 cm, hardly more than speckle makes their echoes stray, so that a kink fits nearly as well."""
     radius, length, found = 1.4, 0.45, 0
