@@ -141,12 +141,15 @@ def block_covariance(design: Array, pull: Array, stiffness: Array, along: Array,
     fewest = FEWEST_BLOCKS * (parameters + 1 - directions)  # an angle along each direction, and one common offset
     block = blocks(along, cell_side(along, independent), BLOCK_CELLS, fewest=fewest)
     count = int(block.max()) + 1
+    size = np.sqrt(np.mean(design**2, axis=0))  # parameters of other units, and scenes of any size, weigh alike
+    design = design / size
     score, own = np.zeros((count, parameters)), np.zeros((count, parameters, parameters))
     np.add.at(score, block, pull[:, None] * design)
     np.add.at(own, block, (stiffness[:, None] * design)[:, :, None] * design[:, None])
     change = np.linalg.pinv(own.sum(axis=0) - own, hermitian=True) @ score[..., None]
     freedom = max(count - parameters, 3)
-    return np.asarray((change @ change.mT).sum(axis=0) * (count - 1) / count * freedom / (freedom - 2))
+    spread = (change @ change.mT).sum(axis=0) * (count - 1) / count * freedom / (freedom - 2)
+    return np.asarray(spread / np.outer(size, size))
 
 
 def weighted_fit(design: Array, values: Array, weight: Array) -> Array:
