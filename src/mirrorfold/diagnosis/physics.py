@@ -35,6 +35,9 @@ GRATING_PITCH = 0.75
 RANGE_END = 0.1
 """Share of the ambiguous range, at its end, in which strong echoes suggest that later ones have wrapped around."""
 
+MOST_ECHOES = (0.1, 0.9)
+"""Quantiles of the ranges of echoes between which the curvature of their waves must change to tell their order."""
+
 SURE_OF_UNIT = 0.97
 """Certainty that the positions are in another unit, where the waves fit it: hundreds of pairs add up in phase only at
 the right positions, not by chance."""
@@ -85,25 +88,32 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
         return found, {"waves": False, "exchange": False}
     found = [_unit_finding(unit)] if unit else []
     made = explain(pairs, waves)
-    delays_tell = _delays_tell(pairs, waves)
+    delays_tell = _delays_tell(pairs, waves, made)
     if not delays_tell:
         made = replace(made, reversed=False, offset=0.0)
     found += _findings(made, speed_of_light / wave_speed(sweep))
     return found, {"waves": made.waves_suffice and delays_tell, "exchange": made.exchange_recognisable}
 
 
-def _delays_tell(pairs: Pairs, waves: Wavefronts) -> bool:
+def _delays_tell(pairs: Pairs, waves: Wavefronts, made: Explanation) -> bool:
     """Whether delays tell a reversed order of the frequencies, and a range offset, from a correct sweep.
 
-    They do not where a coarse, short array sees late echoes. The phases of a wave from u are also those of its grating
-    lobe at ``u - wavelength / pitch``, on the other side, whose delays run the other way. Echoes at the end of the
-    ambiguous range R have probably wrapped around, and the phase by which their waves are curved at the ends of the
-    array, ``k a^2 / 2R`` for elements up to a from its middle, does not contradict.
+    They do not where a short array is so coarse that phases do not tell the side of an echo. The phases of a wave from
+    u are also those of its grating lobe at ``u - wavelength / pitch``, on the other side, whose delays run the other
+    way; the steps of a moving antenna count on both ways. Then curvature alone tells the order: waves of later echoes
+    are curved less, by the phase ``k a^2 / 2r`` at the ends of the array, for elements up to a from its middle. It does
+    not tell where all echoes have nearly the same. Nor does it where some stand at the end of the ambiguous range R,
+    have probably wrapped around, and ``k a^2 / 2R`` is small.
     """
-    late = bool((waves.range > (1.0 - RANGE_END) * waves.ambiguous_range).any())
+    if _step(pairs) * (2.0 if pairs.moving else 1.0) < GRATING_PITCH * pairs.wavelength:
+        return True
     farthest = float(np.linalg.norm(np.concatenate([pairs.tx, pairs.rx]), axis=1).max())
-    flat = pairs.wavenumber.mean() * farthest**2 < 2.0 * CURVATURE_STEP * waves.ambiguous_range
-    return not (late and flat and _step(pairs) >= GRATING_PITCH * pairs.wavelength)
+    bend = 0.5 * pairs.wavenumber.mean() * farthest**2
+    late = bool((waves.range > (1.0 - RANGE_END) * waves.ambiguous_range).any())
+    backwards = made.conjugated != made.reversed
+    near, far = np.quantile(waves.ambiguous_range - waves.range if backwards else waves.range, MOST_ECHOES)
+    alike = bend * (far - near) < CURVATURE_STEP * near * far
+    return not (alike or (late and bend < CURVATURE_STEP * waves.ambiguous_range))
 
 
 def _findings(made: Explanation, index: float) -> list[Finding]:

@@ -158,6 +158,8 @@ def wavefronts(pairs: Pairs, *, exchange: bool, gates: int = GATES) -> Wavefront
     strongest = 1.0 / max(min(NEAREST[0], NEAREST[1] * farthest), 2.0 * reach)
     curvatures = strongest * centre * reach**2 / CURVATURE_STEP
     fineness = np.clip(np.sqrt(LARGEST_WORK / (2.0 * directions * curvatures * GATES * PAIRS[1])), 1.0, FINEST)
+    if pairs.moving:  # both ways change with each step, so that a beam is half as wide
+        directions *= 2
     u = np.linspace(-WIDEST, WIDEST, int(fineness * directions))
     most = min(MOST_CURVATURES, LARGEST_WORK / (2.0 * u.size * FEWEST_GATES * PAIRS[0]))
     curvatures = int(np.ceil(min(fineness * curvatures, most)))

@@ -48,6 +48,11 @@ class Pairs:
         offsets = np.concatenate([self.tx - self.tx.mean(axis=0), self.rx - self.rx.mean(axis=0)])
         return np.asarray(np.linalg.svd(offsets, full_matrices=offsets.shape[0] < 3)[2])
 
+    @property
+    def moving(self) -> bool:
+        """Whether each transmitter has one receiver, as one antenna, or two, that move: a step counts on both ways."""
+        return np.array_equal(self.tx_of, self.rx_of)
+
     def scaled(self, factor: float) -> Pairs:
         """The same samples with all positions multiplied by a factor."""
         return replace(self, tx=factor * self.tx, rx=factor * self.rx)
