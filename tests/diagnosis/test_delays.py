@@ -131,6 +131,18 @@ def test_other_faults_are_not_taken_for_cables():
     assert {name: cables(wrong) for name, wrong in faults(sweep)} == {name: [] for name, _ in faults(sweep)}
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_halved_pitch_is_named_and_is_not_taken_for_a_cable(seed):
+    """Waves seem four times as near as they are, at all ranges; a cable takes the same length off all of them."""
+    random = np.random.default_rng(seed)
+    points = random.uniform([-0.3, 0.8], [0.3, 2.4], (8, 2))
+    sweep = points_ahead(PLACE, PLACE + np.array([0.0, 0.0, 0.015 * (seed % 2)]), points)
+    half = {name: 0.5 * sweep[name] for name in ("tx_position", "rx_position")}
+    assert [one.name for one in diagnose(sweep)[0]] == []
+    assert [one.name for one in diagnose(sweep.assign_coords(half))[0]] == ["pitch-halved"]
+    assert cables(mf.calibrate.remove_cable(sweep, -1.5)) == [pytest.approx(1.5, abs=0.1)]
+
+
 @pytest.mark.parametrize("cable", [3.8, 4.5, 4.95])
 def test_a_cable_of_most_of_the_ambiguous_path_is_no_other_mistake(cable):
     """The ambiguous path is 6.0 m. Zeros before the echoes of a measurement over time are such a delay, too."""

@@ -16,12 +16,11 @@ class Finding:
     Attributes
     ----------
     name : str
-        A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "position-unit",
-        "range-reversed", "nan", "constant", "dead-channels", "saturated-channels", "noise-channels", "bad-frequencies",
-        "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase", "phase-unit",
-        "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered", "element-phases",
-        "silent-frequencies", "repeated-samples", "stuck-stage",
-        "stage-backlash", "antenna-order".
+        A name for programs: "conjugated", "frequency-reversed", "tx-rx-exchanged", "range-offset", "pitch-halved",
+        "position-unit", "range-reversed", "nan", "constant", "dead-channels", "saturated-channels", "noise-channels",
+        "bad-frequencies", "falling-frequencies", "non-uniform-steps", "frequency-unit", "angle-unit", "no-phase",
+        "phase-unit", "time-domain", "iq-imbalance", "axes-exchanged", "positions-reversed", "samples-unordered",
+        "element-phases", "silent-frequencies", "repeated-samples", "stuck-stage", "stage-backlash", "antenna-order".
     what : str
         A sentence for people.
     sure : float

@@ -90,7 +90,7 @@ def wave_findings(sweep: xr.Dataset) -> tuple[list[Finding], dict[str, bool]]:
     made = explain(pairs, waves)
     delays_tell = _delays_tell(pairs, waves, made)
     if not delays_tell:
-        made = replace(made, reversed=False, offset=0.0)
+        made = replace(made, reversed=False, offset=0.0, pitch_halved=False)
     found += _findings(made, speed_of_light / wave_speed(sweep))
     return found, {"waves": made.waves_suffice and delays_tell, "exchange": made.exchange_recognisable}
 
@@ -137,7 +137,11 @@ def _findings(made: Explanation, index: float) -> list[Finding]:
                 "The waves fit when transmitters and receivers are exchanged: their positions are the wrong way round."
             )
             found.append(Finding("tx-rx-exchanged", what, made.sure, "--swap-tx-rx"))
-    if made.offset and made.sure >= SURE_ENOUGH:
+    if made.pitch_halved and made.sure >= SURE_ENOUGH:
+        what = "Waves bend as if the antennas stood twice as far apart as the file says: their pitch is halved."
+        remedy = "measure the step of the stage, and import the sweep again with it"
+        found.append(Finding("pitch-halved", what, made.offset_sure, remedy, by_command=False))
+    elif made.offset and made.sure >= SURE_ENOUGH:
         direction, error = "far" if made.offset > 0 else "near", made.offset_error
         cable = _rounded(2.0 * made.offset * index, 2.0 * error * index)
         what = (
