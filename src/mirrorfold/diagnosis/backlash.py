@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.fft import fft
 
 from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.windows import hann
@@ -118,8 +119,8 @@ def _grid(places: NDArray[np.float64]) -> tuple[NDArray[np.int64], list[NDArray[
 def _displacement(s: NDArray[np.complexfloating]) -> float | None:
     """By how many steps every other row of samples (frequencies, rows, places) is displaced; None where by none."""
     s = s - s.mean(axis=(1, 2), keepdims=True)  # what is the same everywhere comes from the instrument
-    spectrum = np.fft.fft(s * hann(s.shape[2]), axis=2)
-    product = np.sum(spectrum[:, :-1] * spectrum[:, 1:].conj(), axis=0)
+    spectrum = fft(s * hann(s.shape[2]).astype(s.real.dtype), axis=2)
+    product = np.einsum("frk,frk->rk", spectrum[:, :-1], spectrum[:, 1:].conj())
     product = product[: len(product) // (2 * BLOCKS) * 2 * BLOCKS]
     halves = product.reshape(BLOCKS, -1, 2, product.shape[1]).sum(axis=1)
     turn = halves[:, 0] * halves[:, 1].conj()

@@ -43,7 +43,7 @@ neighbouring bins, which doubles its variance."""
 FEWEST_FREQUENCIES = 32
 """Smallest number of frequencies, with which noise is spread over more bins than echoes."""
 
-ENOUGH_PARTNERS = 40
+ENOUGH_PARTNERS = 20
 """Number of partners of an element that are looked at, where it has more."""
 
 SURE = 0.95
@@ -86,10 +86,13 @@ def _copies(rows: NDArray[np.complexfloating], places: NDArray[np.float64], scan
     Two rows at the same distance from both ends may be the same without any slip, in a symmetric scene without noise.
     So may rows of a scan that meet nothing.
     """
-    groups: dict[bytes, list[int]] = defaultdict(list)
+    alike: dict[bytes, list[int]] = defaultdict(list)
     for n, row in enumerate(rows):
-        if row.any() and not (scan and (row == row[:, :1]).all()):
-            groups[sha256(row.tobytes()).digest()].append(n)
+        alike[row[0].tobytes()].append(n)
+    groups: dict[bytes, list[int]] = defaultdict(list)
+    for n in (n for group in alike.values() if len(group) > 1 for n in group):  # few are hashed as a whole
+        if rows[n].any() and not (scan and (rows[n] == rows[n][:, :1]).all()):
+            groups[sha256(rows[n].tobytes()).digest()].append(n)
     return [
         group
         for group in groups.values()
@@ -106,7 +109,8 @@ def _stuck(rows: NDArray[np.complexfloating], places: NDArray[np.float64]) -> tu
     if count < FEWEST_FREQUENCIES or len(rows) < FEWEST_FREQUENCIES:
         return None
     some = np.linspace(0, partners - 1, min(partners, ENOUGH_PARTNERS)).astype(int)
-    profile = ifft(rows[:, :, some] * hann(count)[:, None], axis=1)
+    window = hann(count).astype(rows.real.dtype)  # in the precision of the samples, which is twice as fast
+    profile = ifft(rows[:, :, some] * window[:, None], axis=1)
     power = np.mean(np.abs(profile) ** 2, axis=(0, 2))
     least = np.quantile(power, QUIET)
     loud = power > LOUD * least
