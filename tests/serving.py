@@ -28,6 +28,7 @@ def two_walls():
 def opened(path, scene=None, **options):
     """A session that has opened its file."""
     session = Session(path, scene, **options)
+    session.open()
     limit = time.monotonic() + 60
     while session.state["status"] == "busy" and time.monotonic() < limit:
         time.sleep(0.02)

@@ -24,6 +24,7 @@ from mirrorfold.reconstruction import FoldPlan
 from mirrorfold.viewing.controls import CHANGEABLE
 from mirrorfold.viewing.lines import line_of
 from mirrorfold.viewing.server import TOKEN_HEADER
+from mirrorfold.viewing.session import Session
 
 
 @pytest.fixture(scope="module")
@@ -373,11 +374,13 @@ def test_a_reconstruction_opens_as_it_was_saved_with_its_truth(reconstruction, s
 
 
 @pytest.mark.slow
-def test_the_verb_announces_its_address_and_takes_no_wrong_port(file, capsys):
+def test_the_verb_announces_its_address_and_takes_no_wrong_port(file, capsys, monkeypatch):
+    """And opens no file for a page that cannot be served."""
     assert main(["view", str(file), "--port", "99999", "--no-open"]) == 2
     assert "port is 99999" in capsys.readouterr().err
     assert main(["view", "absent.nc", "--no-open"]) == 2
     assert "absent.nc: does not exist" in capsys.readouterr().err
     with served(file) as server:
+        monkeypatch.setattr(Session, "open", lambda session: pytest.fail("it was opened"))
         assert main(["view", str(file), "--port", str(server.server_port), "--no-open"]) == 2
     assert "cannot be had" in capsys.readouterr().err

@@ -62,7 +62,9 @@ def view(
     check_file(path, "give a sweep, an image or a reconstruction (netCDF)")
     truth = None if scene is None else as_scene(scene)
     walls = None if plan is None else as_plan(plan)
-    with Server(Session(path, truth, frame=frame, plan=walls), port) as server:
+    session = Session(path, truth, frame=frame, plan=walls)
+    with Server(session, port) as server:
+        session.open()  # only now that there is a port: otherwise nobody would see it
         if announce is not None:
             announce(server.link())
         if open_browser:

@@ -55,6 +55,10 @@ class ConflictError(InputError):
     """A request conflicts with a file that is there already, or with a later request to stop."""
 
 
+UNREAD = {"status": "busy", "step": "reading the file", "done": 0, "total": 1}
+"""The state of a session before anything of its file is known."""
+
+
 class Session:
     """One file that is opened in the background, and folded on request.
 
@@ -84,12 +88,11 @@ class Session:
         self._lock, self._saving = threading.Lock(), threading.Lock()
         self._stops: dict[str, threading.Event] = {}
         self._lines: Array | None = None
-        self._state: dict[str, Any] = {}
-        self.open()
+        self._state: dict[str, Any] = dict(UNREAD)
 
     def open(self) -> threading.Thread:
         """Read the file, focus a sweep, and fold an image, all in a thread; `state` tells the progress."""
-        self._state = {"status": "busy", "step": "reading the file", "done": 0, "total": 1}
+        self._state = dict(UNREAD)
         worker = threading.Thread(target=self._open, daemon=True)
         worker.start()
         return worker
