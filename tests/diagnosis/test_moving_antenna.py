@@ -34,17 +34,3 @@ def test_the_curvature_of_waves_tells_a_reversed_order_where_a_path_is_long_enou
     for seed in range(4):
         sweep = mf.calibrate.reverse_frequency(moved_past_posts(120, 12, nearest=0.7, seed=seed))
         assert [one.name for one in diagnose(sweep)[0]] == ["frequency-reversed"]
-
-
-def test_echoes_in_few_range_bins_feign_no_phases_of_the_stops():
-    """Two echoes in one range bin interfere, and in steps of half a wavelength their cross terms turn by any angle."""
-    for seed in range(12):
-        random = np.random.default_rng(seed)
-        frequency = np.linspace(76.5e9, 77.5e9, 101)
-        place = np.outer(0.499 * speed_of_light / 77e9 * np.arange(60), [1.0, 0.0, 0.0])
-        points = random.uniform([-1.0, 0.5, 0.0], [1.0, 2.5, 0.0], (14, 3)) + place.mean(axis=0)
-        path = 2.0 * np.linalg.norm(place[:, None] - points, axis=2)
-        amplitude = random.standard_normal(14) / np.sum(points**2, axis=1)
-        s = np.exp(-2j * np.pi / speed_of_light * frequency[:, None, None] * path) @ amplitude
-        sweep = mf.make_monostatic_sweep(s, frequency=frequency, antenna_position=place)
-        assert diagnose(mf.add_noise(sweep, snr_db=20.0, seed=seed))[0] == []

@@ -39,23 +39,12 @@ LEAST_COHERENCE = 0.1
 ABOVE_NOISE = 3.0
 """The same, relative to one over the root of the number of samples of an element; of noise alone it is 0.83."""
 
-COARSE_STEP = 0.5
-"""Share of the largest step from which on cross terms of two echoes in one range bin may turn by more than half a cycle
-from one step to the next, so that phases of correct elements jump, too, where few range bins hold echoes."""
-
-LARGEST_ERROR = 0.3
-"""Largest error of a phase [rad] that such cross terms leave. With the coherence g over n independent samples,
-it is at least ``sqrt((1 - g^2) / 2 n g^2)`` (Rodriguez and Martin, IEE Proc. F 139, 147-159, 1992)."""
-
 STEADY = 0.5
 """Smallest steadiness ``|sum R_i* R_{i+1}| / sum |R_i R_{i+1}|`` of correct elements. In random sweeps of ten kinds of
 arrays it was at least 0.89, mostly above 0.99, and with random phases at most 0.35."""
 
 SURE = 0.95
 """Certainty of a finding."""
-
-ENOUGH_CHANNELS = 100
-"""Number of channels that suffice to tell how many range bins hold echoes."""
 
 ENOUGH_SAMPLES = 10_000
 """Number of samples of an element that suffice; where there are more, every second, third ... frequency is taken."""
@@ -71,8 +60,7 @@ def phase_findings(sweep: xr.Dataset) -> list[Finding]:
     unsteady = []
     for axis, (name, places) in enumerate(zip(names, antenna_positions(sweep), strict=False)):
         samples = np.moveaxis(s, 1 + axis, 0).reshape(len(places), -1)
-        longest = LARGEST_STEP * wavelength / (2.0 if moving else 1.0)
-        steadiness = _steadiness(samples, places, longest, _filled_bins(s) * samples.shape[1] / len(s))
+        steadiness = _steadiness(samples, places, LARGEST_STEP * wavelength / (2.0 if moving else 1.0))
         if steadiness is not None and steadiness < STEADY:
             unsteady.append({"tx": "transmitters", "rx": "receivers"}.get(name, "positions"))
     if not unsteady:
@@ -88,21 +76,11 @@ def phase_findings(sweep: xr.Dataset) -> list[Finding]:
     return [Finding("element-phases", what, SURE, remedy, by_command=False)]
 
 
-def _filled_bins(s: NDArray[np.complexfloating]) -> float:
-    """Number of range bins that hold the power of samples (frequencies, ...): (sum of powers)^2 / sum of squares."""
-    some = s.reshape(len(s), -1)
-    some = some[:, :: max(1, some.shape[1] // ENOUGH_CHANNELS)]
-    power = np.mean(np.abs(np.fft.ifft(some, axis=0)) ** 2, axis=1)
-    return float(power.sum() ** 2 / max(np.sum(power**2), np.finfo(float).tiny))
-
-
-def _steadiness(
-    s: NDArray[np.complexfloating], places: NDArray[np.float64], longest: float, independent: float
-) -> float | None:
+def _steadiness(s: NDArray[np.complexfloating], places: NDArray[np.float64], longest: float) -> float | None:
     """How steady the phase between neighbours is along a row, from 0 to 1; None where the row cannot tell.
 
     `s` (elements, samples) are all samples of each element at `places` (elements, 3) [m], and `longest` [m] the largest
-    distance of neighbours. Of the samples of an element, `independent` are.
+    distance of neighbours.
     """
     step = np.diff(places, axis=0)
     length = np.linalg.norm(step, axis=1)
@@ -115,8 +93,6 @@ def _steadiness(
     norm = np.sqrt(power[:-1] * power[1:])
     product = np.divide(product, norm, out=np.zeros(len(norm), complex), where=norm > 0.0)
     least = max(LEAST_COHERENCE, ABOVE_NOISE / np.sqrt(s.shape[1]))
-    if np.median(length[1:][usable]) > COARSE_STEP * longest:
-        least = max(least, 1.0 / np.sqrt(1.0 + 2.0 * independent * LARGEST_ERROR**2))
     turn = (product[1:] * product[:-1].conj())[usable]
     if np.median(np.sqrt(np.abs(turn))) < least:
         return None

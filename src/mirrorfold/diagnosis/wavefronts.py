@@ -158,11 +158,9 @@ def wavefronts(pairs: Pairs, *, exchange: bool, gates: int = GATES) -> Wavefront
     strongest = 1.0 / max(min(NEAREST[0], NEAREST[1] * farthest), 2.0 * reach)
     curvatures = strongest * centre * reach**2 / CURVATURE_STEP
     fineness = np.clip(np.sqrt(LARGEST_WORK / (2.0 * directions * curvatures * GATES * PAIRS[1])), 1.0, FINEST)
-    # Between two directions coherence is lost in proportion to the variance of x_i + x_k. It is twice that of two lines
-    # with all pairs for an antenna that moves, and for a chip whose pairs fill one long line.
-    both_ways = pairs.tx[pairs.tx_of] @ along + pairs.rx[pairs.rx_of] @ along
-    finer = max(1, round(6.0 * float(np.var(both_ways)) / aperture**2))
-    u = np.linspace(-WIDEST, WIDEST, int(fineness * finer * directions))
+    if pairs.moving:  # both ways change with each step, so that a beam is half as wide
+        directions *= 2
+    u = np.linspace(-WIDEST, WIDEST, int(fineness * directions))
     most = min(MOST_CURVATURES, LARGEST_WORK / (2.0 * u.size * FEWEST_GATES * PAIRS[0]))
     curvatures = int(np.ceil(min(fineness * curvatures, most)))
     curvature = np.linspace(-strongest, strongest, 2 * curvatures + 1)
