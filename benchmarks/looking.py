@@ -76,8 +76,7 @@ def main() -> None:
         session = Session(path)
         with Server(session) as server:
             threading.Thread(target=server.serve_forever, daemon=True).start()
-            while session.state["status"] == "busy":
-                time.sleep(0.05)
+            session.open().join()
 
             def ask(i: int) -> None:
                 body = json.dumps({"mirrors": moved(i).tolist()}).encode()

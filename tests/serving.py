@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -28,10 +27,7 @@ def two_walls():
 def opened(path, scene=None, **options):
     """A session that has opened its file."""
     session = Session(path, scene, **options)
-    session.open()
-    limit = time.monotonic() + 60
-    while session.state["status"] == "busy" and time.monotonic() < limit:
-        time.sleep(0.02)
+    session.open().join(timeout=60.0)
     return session
 
 

@@ -6,7 +6,6 @@ import json
 import re
 import socket
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +65,7 @@ class Page(Target):
                     self.mistakes.append(error)
 
         session = Session(self.inner / "image.nc")
-        while session.state["status"] == "busy":
-            time.sleep(0.01)
+        session.open().join()
         assert session.state["status"] == "ready", session.state
         self.server, self.lines, self.usual = Watched(session), session._lines, dict(session._settings)
         threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True).start()

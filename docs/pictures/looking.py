@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import tempfile
 import threading
-import time
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -58,8 +57,7 @@ def live(browser: Any, path: Path) -> None:
     session = Session(path)
     with Server(session) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        while session.state["status"] == "busy":
-            time.sleep(0.1)
+        session.open().join()
         take(browser, server.link(), "looking-live.png", move_a_mirror)
         server.shutdown()
 
