@@ -22,7 +22,7 @@ from scipy.fft import fft
 
 from mirrorfold.common.statistics import in_equal_steps
 from mirrorfold.common.windows import hann
-from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.diagnosis.findings import PLACES, Finding
 from mirrorfold.sweep import antenna_positions, is_raster
 
 FEWEST_ROWS, FEWEST_PLACES = 11, 16
@@ -79,18 +79,18 @@ def _rows(sweep: xr.Dataset) -> list[Rows]:
     """The rows of a sweep along each of its two axes; none where places are not in equal steps."""
     s = sweep["s"].values
     s = s[:: max(1, len(s) // ENOUGH_FREQUENCIES)]
+    names, unit = [PLACES[str(name)] for name in sweep["s"].dims[1:]], "m"
     found = []
     if is_raster(sweep):
-        axes = [sweep[name].values[:, None] for name in ("azimuth", "elevation")]
-        names, unit = ("azimuths", "elevations"), "degree"
+        axes, unit = [sweep[name].values[:, None] for name in ("azimuth", "elevation")], "degree"
     elif s.ndim == 3:
-        axes, names, unit = list(antenna_positions(sweep)), ("transmitters", "receivers"), "m"
+        axes = list(antenna_positions(sweep))
     else:
         grid = _grid(antenna_positions(sweep)[0])
         if grid is None:
             return []
         order, axes = grid
-        s, names, unit = s[:, order], ("positions", "positions"), "m"
+        s, names = s[:, order], 2 * names
     for places, name, turned in zip(axes, names, (s.swapaxes(1, 2), s), strict=True):
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
         if turned.shape[1] >= FEWEST_ROWS and along.size >= FEWEST_PLACES and in_equal_steps(along):

@@ -8,6 +8,15 @@ from dataclasses import dataclass
 CERTAIN = 1.0
 """Certainty of findings that follow from the numbers without any doubt."""
 
+PLACES = {
+    "tx": "transmitters",
+    "rx": "receivers",
+    "position": "positions",
+    "azimuth": "azimuths",
+    "elevation": "elevations",
+}
+"""What sentences call the places along each dimension of the samples."""
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from mirrorfold.diagnosis.findings import Finding
+from mirrorfold.diagnosis.findings import PLACES, Finding
 from mirrorfold.sweep import antenna_positions, is_monostatic, wave_speed
 
 LARGEST_STEP = 1.0
@@ -62,7 +62,7 @@ def phase_findings(sweep: xr.Dataset) -> list[Finding]:
         samples = np.moveaxis(s, 1 + axis, 0).reshape(len(places), -1)
         steadiness = _steadiness(samples, places, LARGEST_STEP * wavelength / (2.0 if moving else 1.0))
         if steadiness is not None and steadiness < STEADY:
-            unsteady.append({"tx": "transmitters", "rx": "receivers"}.get(name, "positions"))
+            unsteady.append(PLACES[name])
     if not unsteady:
         return []
     what = (

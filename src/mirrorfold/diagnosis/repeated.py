@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 from scipy.fft import ifft
 
 from mirrorfold.common.windows import hann
-from mirrorfold.diagnosis.findings import CERTAIN, Finding
+from mirrorfold.diagnosis.findings import CERTAIN, PLACES, Finding
 from mirrorfold.sweep import antenna_positions, is_raster
-
-NAMES = {"tx": "transmitters", "rx": "receivers", "position": "positions", "azimuth": "azimuths",
-         "elevation": "elevations"}  # fmt: skip
 
 JUMP = 30.0
 """How many times larger the power of the difference of two stops must be where the stage moves again than between three
@@ -64,15 +61,15 @@ def repeated_findings(sweep: xr.Dataset) -> list[Finding]:
         if copies:
             example = " and ".join(str(n + 1) for n in copies[0][:2])
             what = (
-                f"{sum(len(group) - 1 for group in copies)} of {len(rows)} {NAMES[str(name)]} have the same samples as "
-                f"another, to the last bit, as number {example}: they were written twice, or not measured anew."
+                f"{sum(len(group) - 1 for group in copies)} of {len(rows)} {PLACES[str(name)]} have the same samples "
+                f"as another, to the last bit, as number {example}: they were written twice, or not measured anew."
             )
             remedy = "look for a run that was restarted, or a buffer that was not renewed, and leave the copies out"
             return [Finding("repeated-samples", what, CERTAIN, remedy, by_command=False)]
         stops = None if scan else _stuck(rows, at)
         if stops is not None:
             what = (
-                f"{NAMES[str(name)].capitalize()} {stops[0] + 1} to {stops[1] + 1} of {len(rows)} hear the same, and "
+                f"{PLACES[str(name)].capitalize()} {stops[0] + 1} to {stops[1] + 1} of {len(rows)} hear the same, and "
                 "those beside them do not: the stage was stuck there."
             )
             remedy = "measure again, and check whether the later positions lack the steps that were lost"
