@@ -89,3 +89,8 @@ def test_a_curve_that_is_turned_and_shifted_is_the_same_curve():
     first, second = (fitted_together(*s_wall(1, **moved), VIEW) for moved in ({}, {"turn": 0.3, "shift": 0.2}))
     for one, other in zip(first, second, strict=True):
         assert one.radius == pytest.approx(other.radius, rel=1e-4)
+
+
+def test_points_of_one_half_alone_tell_nothing_of_the_other():
+    halves, (first, _) = s_wall(0)
+    assert fitted_together(halves, (first, first), VIEW) is None

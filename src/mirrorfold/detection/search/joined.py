@@ -62,6 +62,8 @@ def fitted_together(halves: Halves, measured: tuple[Measured, Measured], view: I
     if np.any(curve[3:] * first[3:] <= 0.0) or trust @ off**2 > most:
         return None
     design = _slopes(lambda curve: beside(curve, points), curve, scale)
+    if not design.any(axis=0).all():  # all points lie on one half, and tell nothing of the other's curvature
+        return None
     place = (points - curve[:2]) @ np.array([np.cos(curve[2]), np.sin(curve[2])])
     variance = fit_covariance(design, off, weight, place[:, None], independent)
     one, other = (_half(curve, i, halves[i], halves[i].ends[1 - meet[i]], variance, scale) for i in (0, 1))
